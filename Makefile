@@ -1,0 +1,60 @@
+# `make demo` and `make test` set up all that they need; README.md has the line for Debian's packages.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+
+# Python itself, and the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along.
+define PROBE
+import ctypes, sys
+
+def loads(*names):
+    try:
+        return [ctypes.CDLL(name) for name in names]
+    except OSError:
+        return []
+
+try:
+    import ensurepip, venv
+except ImportError:
+    sys.exit(1)
+drawing = loads("libglib-2.0.so.0", "libgobject-2.0.so.0", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
+rendering = loads("libOSMesa.so.8") or loads("libEGL.so.1", "libOpenGL.so.0")
+sys.exit(not (drawing and rendering))
+endef
+export PROBE
+
+.PHONY: demo test lint cases wheel clean prerequisites
+
+demo: $(READY)
+	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
+
+test: lint
+	$(BIN)/codra compile specs --check
+	$(BIN)/pytest
+
+lint: $(READY)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy --strict codra_dsl generated
+	$(BIN)/lint-imports --no-logo
+
+# Writes what the cases print now as what they are expected to print: read the diff before you commit it.
+cases: $(READY)
+	$(BIN)/pytest tests/test_cases.py --renew-cases
+
+wheel: $(READY)
+	$(BIN)/python -m build --wheel --no-isolation
+
+clean:
+	rm -rf $(VENV) build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(READY): pyproject.toml | prerequisites
+	$(PYTHON) -m venv --clear $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
+
+prerequisites:
+	@$(PYTHON) -c "$$PROBE" 2>/dev/null || { grep '^apt-get install' README.md >&2; exit 1; }

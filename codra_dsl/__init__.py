@@ -1,0 +1,3 @@
+"""CoDRA DSL: context-driven observers for robots, declared in YAML and compiled to behaviour trees."""
+
+__version__ = "0.1.0"

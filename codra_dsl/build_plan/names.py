@@ -1,0 +1,60 @@
+"""Names in Python for what a spec names: the same on every version of Python, and none that hides another.
+
+The language's identifiers start with a letter and differ from every other of their kind by more than case.
+Functions and branches are written in small letters and constants in capitals, so that the two never meet.
+"""
+
+from __future__ import annotations
+
+MODULE_NAMES = frozenset(
+    {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
+    | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
+    | {"Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"}
+    | {"age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value"}
+    | {"Algorithm", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
+    | {"boolean", "integer", "member", "real", "text"}
+)
+"""What generated modules import or define themselves."""
+
+ENTRY_NAMES = frozenset(
+    {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
+    | {"Any", "Callable", "Literal", "Mapping", "Never", "math", "overload"}
+    | {"Answer", "Clock", "ContextManager", "ContextModel", "Reading", "Record", "ResourceModel"}
+)
+"""What the entry of a generated package imports or defines itself, apart from its modules."""
+
+# Written out, since Python's own lists grow from version to version and with what `site` adds.
+_PYTHONS_WORDS = """
+    False None True and as assert async await break class continue def del elif else except finally for from global if
+    import in is lambda nonlocal not or pass raise return try while with yield case match type
+    abs aiter all anext any ascii bin bool breakpoint bytearray bytes callable chr classmethod compile complex copyright
+    credits delattr dict dir divmod enumerate eval exec exit filter float format frozenset getattr globals hasattr hash
+    help hex id input int isinstance issubclass iter len license list locals map max memoryview min next object oct open
+    ord pow print property quit range repr reversed round set setattr slice sorted staticmethod str sum super tuple vars
+    zip
+"""
+_PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
+
+
+def python_name(text: str, taken: frozenset[str]) -> str:
+    """Return an identifier of the language as a name in Python: no keyword, no builtin, none of `taken`.
+
+    Names that differ stay different: what ends in underscores after such a name gets one more as well.
+    """
+    plain = text.rstrip("_")
+    return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
+
+
+def module_name(origin: str) -> str:
+    """Return the Python name of the module for what `load` calls the origin of an element, an identifier."""
+    return python_name(origin.lower(), ENTRY_NAMES)
+
+
+def class_name(name: str) -> str:
+    """Return the Python name of the class that stands for a spec's context, e.g. `PcrLab` for `pcr_lab`."""
+    return python_name(camel_case(name), ENTRY_NAMES)
+
+
+def camel_case(name: str) -> str:
+    """Return an identifier of the language in the form of Python's classes."""
+    return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

@@ -1,0 +1,77 @@
+"""The one value that may be planned: a spec that passed every check, with its conditions typed and lowered.
+
+Only `codra_dsl.check` makes a `CheckedSpec`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from codra_dsl.diagnostics import Place
+from codra_dsl.model import Algorithm, Spec, Variable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedCondition:
+    """A condition, typed and lowered.
+
+    Attributes:
+        text: as written, on one line; what people read on the tree's node.
+        python: the expression that builds it from `codra_dsl.runtime.conditions`, e.g. `value("markers") >= 3`.
+        variables: the names it reads, sorted: context-variables in `observable_when`, returned values elsewhere.
+    """
+
+    text: str
+    python: str
+    variables: tuple[str, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedAlgorithm:
+    """A perception algorithm with its conditions.
+
+    Attributes:
+        identifies: (variable's name, how its value follows from the result), in file order.
+        waits_for: what it needs but for `feedback`, sorted: the edges drawn as `requires`.
+        feedback: context-variables that need what it identifies, directly or through others, and that it reads without
+            waiting for them: it can run while they alone are unknown. Sorted; drawn as `feedback`.
+    """
+
+    algorithm: Algorithm
+    observable_when: tuple[CheckedCondition, ...]
+    accept_when: tuple[CheckedCondition, ...]
+    identifies: tuple[tuple[str, CheckedCondition], ...]
+    waits_for: tuple[str, ...]
+    feedback: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Return the algorithm's name."""
+        return self.algorithm.name
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Return C_Oi of this algorithm (P1, Equation 7): every context-variable that it reads, sorted."""
+        read = {name for condition in self.observable_when for name in condition.variables}
+        return tuple(sorted(read | {reference.name for reference in self.algorithm.given}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedSpec:
+    """A spec that can be planned.
+
+    Attributes:
+        variables: C_M as declared, by name, in file order.
+        algorithms: by name, in file order.
+        producers: for each variable that has algorithms: their names by `rank`, then name.
+        decisions: the variables that Algorithm 2 starts from (its line 3), in order: what skills preview and monitor,
+            or every variable that has an algorithm where no skill is declared.
+    """
+
+    spec: Spec
+    variables: Mapping[str, Variable]
+    algorithms: Mapping[str, CheckedAlgorithm]
+    producers: Mapping[str, tuple[str, ...]]
+    decisions: tuple[str, ...]

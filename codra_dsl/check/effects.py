@@ -1,0 +1,89 @@
+"""Phase 6: what the language has and the runtime does not act on yet, said plainly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.check.rules import finding
+from codra_dsl.check.scope import Faults, Scope
+from codra_dsl.diagnostics import Diagnostic
+from codra_dsl.model import Algorithm, Expected, Hysteresis, Isolation, Refresh
+
+
+def confirmations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """`confirm` does not count results yet."""
+    for algorithm in _sound_algorithms(scope, faults):
+        for entry in algorithm.identifies:
+            if isinstance(entry.by, Hysteresis) and entry.by.confirm is not None:
+                name = entry.variable.name
+                yield finding(
+                    "not-yet-confirmed",
+                    f"'confirm' of '{name}' has no effect yet: each result counts at once",
+                    entry.by.place,
+                    path=f"perception.{algorithm.name}.identifies.{name}",
+                    way_out="refuse doubtful results in 'accept_when' until then",
+                )
+
+
+def hystereses(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """Between `enter` and `leave` the value is not held yet."""
+    for algorithm in _sound_algorithms(scope, faults):
+        for entry in algorithm.identifies:
+            if isinstance(entry.by, Hysteresis) and entry.by.leave is not None:
+                name = entry.variable.name
+                yield finding(
+                    "not-yet-between",
+                    f"between 'enter' and 'leave' of '{name}' a result is unknown for now, and so rejected",
+                    entry.by.place,
+                    path=f"perception.{algorithm.name}.identifies.{name}",
+                    way_out=f"with 'when_unobservable: keep' on '{name}' the last value stays until then",
+                )
+
+
+def expectations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """What a skill expects is not judged yet."""
+    for skill in scope.spec.skills:
+        for expectation in skill.monitor:
+            if expectation.expected is not Expected.WATCHED and faults.sound("skills", skill.name):
+                name = expectation.variable.name
+                yield finding(
+                    "not-yet-expected",
+                    f"'{name} {expectation.expected} ...' in skill '{skill.name}' is not judged yet, only watched",
+                    expectation.place,
+                    path=f"skills.{skill.name}.monitor.{name}",
+                    way_out=f"decide on '{name}' after acting until then",
+                )
+
+
+def refreshes(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """`on_event` looks periodically for now."""
+    for variable in scope.spec.context:
+        if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
+            yield finding(
+                "not-yet-on-event",
+                f"'refresh: on_event' of '{variable.name}' has no effect yet: it is looked at periodically",
+                variable.places.get("refresh", variable.place),
+                path=f"context.{variable.name}.refresh",
+                way_out="set the 'period' of its observer to what you can afford until then",
+            )
+
+
+def isolations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """`process` runs in a thread for now."""
+    for algorithm in _sound_algorithms(scope, faults):
+        if algorithm.isolate is Isolation.PROCESS:
+            yield finding(
+                "not-yet-isolated",
+                f"'isolate: process' of algorithm '{algorithm.name}' has no effect yet: it runs in a thread",
+                algorithm.places.get("isolate", algorithm.place),
+                path=f"perception.{algorithm.name}.isolate",
+                way_out="let the function itself start a process if it may crash or block Python until then",
+            )
+
+
+EFFECTS = (confirmations, hystereses, expectations, refreshes, isolations)
+"""The rules of this phase."""
+
+
+def _sound_algorithms(scope: Scope, faults: Faults) -> Iterator[Algorithm]:
+    return (each for each in scope.spec.perception if faults.sound("perception", each.name))

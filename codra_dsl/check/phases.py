@@ -1,0 +1,121 @@
+"""All checks in their order, and the making of a `CheckedSpec`.
+
+What one phase found wrong silences later phases about that element only, so that one run reports every cause once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedSpec
+from codra_dsl.check.conditions import parts_of
+from codra_dsl.check.cycles import GRAPH, feedback
+from codra_dsl.check.effects import EFFECTS
+from codra_dsl.check.lowering import python_text
+from codra_dsl.check.meanings import TYPES
+from codra_dsl.check.names import NAMES
+from codra_dsl.check.quality import QUALITY, decisions
+from codra_dsl.check.scope import Faults, Scope
+from codra_dsl.check.sources import SOURCES
+from codra_dsl.check.types import Type
+from codra_dsl.diagnostics import Diagnostic, Related, Severity, has_errors, in_file_order
+from codra_dsl.model import Algorithm, Condition, Identification, Members, Spec
+
+Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
+
+PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY, EFFECTS)
+"""The rules of each phase."""
+
+
+def check(spec: Spec) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
+    """Return a spec that can be planned, unless it has an error, and all findings about it in file order.
+
+    Elements that `load` found damaged are neither judged nor held against others; a spec that has some is never
+    returned, though what they are about may be all that is wrong with it.
+    """
+    scope = Scope(spec)
+    faults = Faults(frozenset((section, name) for section, names in spec.damaged.items() for name in names))
+    findings: list[Diagnostic] = []
+    for phase in PHASES:
+        found = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
+        findings += found
+        faults = Faults(faults.elements | _elements(found), scope.meant)
+    found_in_order = in_file_order(_once_per_template(findings))
+    damaged = any(spec.damaged.values())
+    return (None if damaged or has_errors(findings) else _checked(scope)), found_in_order
+
+
+def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
+    """Return the elements that errors are about: the first two steps of their paths."""
+    errors = (each.path.split(".") for each in found if each.severity is Severity.ERROR)
+    return frozenset((section, name) for section, name, *_ in errors)
+
+
+def _once_per_template(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
+    """Yield what a template's text gives in each of its uses as one finding with all uses."""
+    same: dict[object, list[Diagnostic]] = {}
+    for index, found in enumerate(findings):
+        key = (found.code, found.place.span) if found.place.use is not None else index
+        same.setdefault(key, []).append(found)
+    for first, *others in (sorted(group, key=lambda each: each.place) for group in same.values()):
+        uses = {each.place.use: each for each in others if each.place.use != first.place.use}
+        also = tuple(Related(f"in another use: {each.message}", each.place) for each in uses.values())
+        yield replace(first, related=first.related + also)
+
+
+def _checked(scope: Scope) -> CheckedSpec:
+    fed_back = feedback(scope)
+    algorithms = {
+        name: _checked_algorithm(scope, algorithm, fed_back.get(name, ()))
+        for name, algorithm in scope.algorithms.items()
+    }
+    return CheckedSpec(
+        spec=scope.spec,
+        variables=scope.variables,
+        algorithms=algorithms,
+        producers=scope.producers,
+        decisions=decisions(scope),
+    )
+
+
+def _checked_algorithm(scope: Scope, algorithm: Algorithm, fed_back: Sequence[str]) -> CheckedAlgorithm:
+    return CheckedAlgorithm(
+        algorithm=algorithm,
+        observable_when=tuple(_checked_condition(scope, condition) for condition in algorithm.observable_when),
+        accept_when=tuple(_checked_condition(scope, condition) for condition in algorithm.accept_when),
+        identifies=tuple(
+            (entry.variable.name, _checked_identification(scope, entry)) for entry in algorithm.identifies
+        ),
+        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(fed_back))),
+        feedback=tuple(fed_back),
+    )
+
+
+def _checked_condition(scope: Scope, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+    judgement = scope.judgements[id(condition)]
+    return CheckedCondition(
+        text=condition.text,
+        python=judgement.python(wanted),
+        variables=tuple(sorted({name.name for name in judgement.site.names})),
+        place=condition.place,
+    )
+
+
+def _checked_identification(scope: Scope, entry: Identification) -> CheckedCondition:
+    by = entry.by
+    if isinstance(by, Condition):
+        return _checked_condition(scope, by, scope.context_types[entry.variable.name])
+    parts = [_checked_condition(scope, condition) for condition in parts_of(entry)]
+    if isinstance(by, Members):
+        members = [member.name for member, _ in by.cases]
+        text = "; ".join(f"{member}: {part.text}" for member, part in zip(members, parts, strict=True))
+        cases = (f"({python_text(member)}, {part.python})" for member, part in zip(members, parts, strict=True))
+        python = f"first_of({', '.join(cases)})"
+    elif len(parts) == 1:
+        text, python = parts[0].text, parts[0].python
+    else:
+        text = f"enter: {parts[0].text}; leave: {parts[1].text}"
+        python = f"between({parts[0].python}, {parts[1].python})"
+    variables = sorted({name for part in parts for name in part.variables})
+    return CheckedCondition(text=text, python=python, variables=tuple(variables), place=by.place)

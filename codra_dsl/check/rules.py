@@ -1,0 +1,56 @@
+"""The kinds of finding that `check` makes, and the one way to make one."""
+
+from __future__ import annotations
+
+from codra_dsl.diagnostics import Diagnostic, Place, Related, Severity, rules
+
+_ERROR, _WARNING = Severity.ERROR, Severity.WARNING
+
+RULES = rules(
+    ("CDR3101", "unknown-variable", _ERROR),
+    ("CDR3102", "unknown-resource", _ERROR),
+    ("CDR3103", "unknown-source", _ERROR),
+    ("CDR3104", "unknown-returned-value", _ERROR),
+    ("CDR3105", "wrong-kind-of-name", _ERROR),
+    ("CDR3106", "name-out-of-sight", _ERROR),
+    ("CDR3107", "reserved-agent", _ERROR),
+    ("CDR3108", "ambiguous-argument", _ERROR),
+    ("CDR3109", "unidentified-variable", _ERROR),
+    ("CDR3110", "observer-is-no-source", _ERROR),
+    ("CDR3111", "same-rank", _ERROR),
+    ("CDR3112", "incomplete-first-alternative", _ERROR),
+    ("CDR3113", "observer-without-algorithm", _ERROR),
+    ("CDR3114", "observer-splits-tree", _ERROR),
+    ("CDR3115", "observer-mixes-trees", _ERROR),
+    ("CDR3116", "variable-in-two-observers", _ERROR),
+    ("CDR3117", "observer-name-taken", _ERROR),
+    ("CDR4101", "not-a-condition", _ERROR),
+    ("CDR4102", "wrong-operand", _ERROR),
+    ("CDR4103", "mismatched-types", _ERROR),
+    ("CDR4104", "mismatched-units", _ERROR),
+    ("CDR4105", "missing-unit", _ERROR),
+    ("CDR4106", "unknown-member", _ERROR),
+    ("CDR4107", "misplaced-age", _ERROR),
+    ("CDR4108", "misplaced-known", _ERROR),
+    ("CDR4109", "wrong-value-identified", _ERROR),
+    ("CDR4110", "wrong-range", _ERROR),
+    ("CDR4111", "commanded-resource", _ERROR),
+    ("CDR4112", "misused-resource", _ERROR),
+    ("CDR5101", "cycle", _ERROR),
+    ("CDR5102", "never-runs", _ERROR),
+    ("CDR7101", "unnoticed-precondition", _ERROR),
+    ("CDR7102", "unreached-variable", _WARNING),
+    ("CDR8101", "not-yet-confirmed", _WARNING),
+    ("CDR8102", "not-yet-between", _WARNING),
+    ("CDR8103", "not-yet-expected", _WARNING),
+    ("CDR8104", "not-yet-on-event", _WARNING),
+    ("CDR8105", "not-yet-isolated", _WARNING),
+)
+"""All rules by name."""
+
+
+def finding(
+    rule: str, message: str, place: Place, *, path: str, way_out: str, related: tuple[Related, ...] = ()
+) -> Diagnostic:
+    """Return a finding of the named rule; `path` starts with the section and the name of the element."""
+    return Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=way_out, related=related)

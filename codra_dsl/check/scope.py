@@ -1,0 +1,276 @@
+"""What every check looks at: the spec, with its names in tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeVar
+
+from codra_dsl import graph
+from codra_dsl.check.conditions import Judgement, Role, Site, judge, sites
+from codra_dsl.check.types import Type, Types, declared_type
+from codra_dsl.diagnostics import suggest
+from codra_dsl.model import (
+    Agent,
+    Algorithm,
+    AnyName,
+    Condition,
+    ObserverSetting,
+    Reference,
+    Resource,
+    Skill,
+    Spec,
+    Variable,
+)
+
+Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, Agent)
+
+MAIN_EXECUTION = "main_execution"
+OBSERVER = "observer"
+
+MAX_SUGGESTIONS = 25
+"""So many names are compared with all others; from then on an unknown name is reported without a suggestion."""
+
+NOUNS: Mapping[str, str] = {
+    "context": "a context-variable",
+    "resources": "a resource",
+    "agents": "an agent",
+    "skills": "a skill",
+    "perception": "a perception algorithm",
+    "observers": "an observer",
+}
+"""What the names of each section are, in messages."""
+
+USERS: Mapping[str, str] = {
+    "context": "context-variable",
+    "resources": "resource",
+    "agents": "agent",
+    "skills": "skill",
+    "perception": "algorithm",
+    "observers": "observer",
+}
+"""The same before a name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """What earlier phases found wrong, so that later ones keep quiet about it.
+
+    Attributes:
+        elements: (section, name) of elements with an error.
+        meant: names that an unknown name most likely means: they count as used and as identified.
+    """
+
+    elements: frozenset[tuple[str, str]] = frozenset()
+    meant: frozenset[str] = frozenset()
+
+    def sound(self, section: str, name: str) -> bool:
+        """Return whether nothing has been found wrong with an element."""
+        return (section, name) not in self.elements
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """Algorithms that share variables, directly or through others: alternatives in one tree.
+
+    Attributes:
+        algorithms: by rank, then name.
+        variables: what they identify, in their order.
+    """
+
+    algorithms: tuple[Algorithm, ...]
+    variables: tuple[str, ...]
+
+    @property
+    def settled(self) -> bool:
+        """Whether ranks put the algorithms in an order."""
+        return len({algorithm.rank for algorithm in self.algorithms}) == len(self.algorithms)
+
+    @property
+    def beyond_first(self) -> tuple[str, ...]:
+        """Return the variables that the first algorithm does not identify."""
+        first = {entry.variable.name for entry in self.algorithms[0].identifies}
+        return tuple(name for name in self.variables if name not in first)
+
+
+@dataclass(frozen=True)
+class Scope:
+    """A spec with its names and conditions in tables. Each table is made when it is first asked for."""
+
+    spec: Spec
+    _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
+
+    @cached_property
+    def variables(self) -> Mapping[str, Variable]:
+        """The declared context-variables C_M, by name."""
+        return _by_name(self.spec.context)
+
+    @cached_property
+    def algorithms(self) -> Mapping[str, Algorithm]:
+        """The perception algorithms by name."""
+        return _by_name(self.spec.perception)
+
+    @cached_property
+    def resources(self) -> Mapping[str, Resource]:
+        """The resources by name."""
+        return _by_name(self.spec.resources)
+
+    @cached_property
+    def agents(self) -> Mapping[str, Agent]:
+        """The agents by name."""
+        return _by_name(self.spec.agents)
+
+    @cached_property
+    def producers(self) -> Mapping[str, tuple[str, ...]]:
+        """For each variable that has algorithms: their names by rank, then name."""
+        found: dict[str, list[Algorithm]] = {}
+        for algorithm in self.algorithms.values():
+            for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
+                found.setdefault(name, []).append(algorithm)
+        ranked = {
+            name: sorted(algorithms, key=lambda each: (each.rank, each.name)) for name, algorithms in found.items()
+        }
+        return {name: tuple(each.name for each in algorithms) for name, algorithms in ranked.items()}
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups of alternatives, in file order; most have one algorithm."""
+        shares: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        for names in self.producers.values():
+            for one, other in pairwise(names):
+                shares[one].append(other)
+                shares[other].append(one)
+        found: dict[str, Group] = {}
+        for name in self.algorithms:
+            if name not in found:
+                names = graph.closure(shares, [name])
+                found |= dict.fromkeys(names, self._group(names))
+        return tuple(dict.fromkeys(found.values()))
+
+    @cached_property
+    def group_of(self) -> Mapping[str, Group]:
+        """The group that identifies each variable."""
+        return {name: group for group in self.groups for name in group.variables}
+
+    @cached_property
+    def claims(self) -> Mapping[str, tuple[ObserverSetting, Reference]]:
+        """For each variable that `observers` names: the first entry that does, and where."""
+        found: dict[str, tuple[ObserverSetting, Reference]] = {}
+        for setting in self.spec.observers:
+            for reference in setting.identifies:
+                found.setdefault(reference.name, (setting, reference))
+        return found
+
+    @cached_property
+    def _sections(self) -> Mapping[str, frozenset[str]]:
+        return {
+            "context": frozenset(self.variables),
+            "resources": frozenset(self.resources),
+            "agents": frozenset(self.agents),
+            "skills": frozenset(skill.name for skill in self.spec.skills),
+            "perception": frozenset(self.algorithms),
+            "observers": frozenset(observer.name for observer in self.spec.observers),
+        }
+
+    def names(self, section: str) -> frozenset[str]:
+        """Return the names of a section's elements."""
+        return self._sections[section]
+
+    def declares(self, section: str, name: str) -> bool:
+        """Return whether a section has such an element, be it damaged."""
+        return name in self._sections[section] or self.damaged(section, name)
+
+    def damaged(self, section: str, name: str) -> bool:
+        """Return whether an element could not be read whole."""
+        return name in self.spec.damaged.get(section, ())
+
+    def lost(self, section: str) -> bool:
+        """Return whether elements of a section could not be read, so that what they say is not known."""
+        unread = self.spec.damaged.get(section, frozenset())
+        return isinstance(unread, AnyName) or not self._sections[section].issuperset(unread)
+
+    def other_kind(self, name: str, wanted: str) -> str | None:
+        """Return what a name is, if it is something else than an element of the section `wanted`."""
+        return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
+
+    def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
+        """Return the candidate that an unknown name most likely means; `kind` tells sets of candidates apart."""
+        if (name, kind) not in self._near:
+            limited = len(self._near) >= MAX_SUGGESTIONS
+            self._near[name, kind] = None if limited else suggest(name, candidates)
+        return self._near[name, kind]
+
+    @cached_property
+    def context_types(self) -> Types:
+        """The type of each context-variable; None where its declaration is wrong."""
+        damaged = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
+        declared = {name: declared_type(variable.type) for name, variable in self.variables.items()}
+        return declared | damaged
+
+    @cached_property
+    def returned_types(self) -> Mapping[str, Types]:
+        """For each algorithm, the type of each value that it returns."""
+        return {
+            algorithm.name: {returned.name: declared_type(returned.type) for returned in algorithm.returns}
+            for algorithm in self.algorithms.values()
+        }
+
+    @cached_property
+    def sites(self) -> tuple[Site, ...]:
+        """Every condition of the spec that could be read."""
+        return tuple(sites(self.spec))
+
+    @cached_property
+    def needs(self) -> Mapping[str, tuple[str, ...]]:
+        """For each algorithm, C_Oi: the context-variables that it reads before it starts, each once, in order."""
+        found: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        for site in self.sites:
+            if site.role is Role.OBSERVABLE_WHEN:
+                found[site.owner[1]] += (name.name for name in site.names)
+        for name, algorithm in self.algorithms.items():
+            found[name] += (reference.name for reference in algorithm.given)
+        return {name: tuple(dict.fromkeys(names)) for name, names in found.items()}
+
+    @cached_property
+    def judgements(self) -> Mapping[int, Judgement]:
+        """What each condition is, by the identity of the condition."""
+        return {id(site.condition): self._judge(site) for site in self.sites}
+
+    def judgement(self, condition: Condition) -> Judgement | None:
+        """Return what a condition is, or None if it could not be read."""
+        return self.judgements.get(id(condition))
+
+    def wanted(self, site: Site) -> Type | None:
+        """Return the type of the context-variable that a condition gives its value or that it is about."""
+        return None if site.variable is None else self.context_types.get(site.variable)
+
+    @property
+    def meant(self) -> frozenset[str]:
+        """The context-variables that names found unknown so far most likely mean."""
+        return frozenset(near for (_, kind), near in self._near.items() if near is not None and kind == "context")
+
+    def _group(self, names: Iterable[str]) -> Group:
+        ranked = tuple(sorted((self.algorithms[name] for name in names), key=lambda each: (each.rank, each.name)))
+        entries = (entry for algorithm in ranked for entry in algorithm.identifies)
+        return Group(ranked, tuple(dict.fromkeys(entry.variable.name for entry in entries)))
+
+    def _judge(self, site: Site) -> Judgement:
+        assert site.condition.tree is not None
+        wanted = self.wanted(site)
+        if site.role is Role.OBSERVABLE_WHEN:
+            seen = self.context_types
+        elif site.role is Role.MONITOR and site.variable is not None:
+            seen = {site.variable: wanted}
+        else:
+            seen = self.returned_types[site.owner[1]]
+        return judge(site, site.condition.tree, seen, wanted)
+
+
+def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
+    """Return elements by name; where a name stands twice, which `load` reports, the first counts."""
+    found: dict[str, Named] = {}
+    for element in elements:
+        found.setdefault(element.name, element)
+    return found

@@ -1,0 +1,429 @@
+"""The types of conditions: what each part of a condition is, or why it makes no sense."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+from codra_dsl.diagnostics import suggest
+from codra_dsl.expression import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    Comparison,
+    In,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+    to_text,
+)
+from codra_dsl.model import Kind, ValueType
+from codra_dsl.units import ONE, UNITS, Unit, parse_unit
+
+NUMERIC = frozenset({Kind.INT, Kind.FLOAT})
+_MAX_EXPONENT = 9
+_MAX_FACTOR = Fraction(10) ** 60
+_NO_OTHERS = ("==", "!=")
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """What an expression is.
+
+    Attributes:
+        unit: of a number: the unit in which it comes if nothing else is asked for.
+        values: the members of an enum.
+        fixed: made of literals alone: a text then fits an enum that has it as member.
+        zero: the literal 0, which needs no unit.
+    """
+
+    kind: Kind
+    unit: Unit = ONE
+    values: tuple[str, ...] = ()
+    fixed: bool = False
+    zero: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it is a number."""
+        return self.kind in NUMERIC
+
+    def __str__(self) -> str:
+        """Return the type as messages name it, e.g. `a float in m`."""
+        noun = f"an {self.kind}" if self.kind in (Kind.INT, Kind.ENUM) else f"a {self.kind}"
+        return noun if self.unit == ONE else f"{noun} in {self.unit}"
+
+
+Types = Mapping[str, Type | None]
+"""The type of each name that can be seen; None where its declaration is wrong, which has been reported."""
+
+BOOL = Type(Kind.BOOL)
+_SECONDS = Type(Kind.FLOAT, UNITS["s"])
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A part of a condition with its type and its own parts; without a type, a problem inside has been reported."""
+
+    node: Node
+    type: Type | None
+    parts: tuple[Typed, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Why a part of a condition makes no sense; `rule` names a rule of `check`."""
+
+    rule: str
+    node: Node
+    message: str
+    way_out: str
+
+
+def declared_type(declared: ValueType) -> Type | None:
+    """Return the type that a declaration states, or None if it states none."""
+    unit = ONE if declared.unit is None else parse_unit(declared.unit)
+    if unit is None or (declared.kind is Kind.ENUM and not declared.values):
+        return None
+    if declared.kind not in NUMERIC:
+        unit = ONE
+    return Type(declared.kind, unit, declared.values if declared.kind is Kind.ENUM else ())
+
+
+def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
+    """Return the types of a value's parts, and what is wrong with them.
+
+    Args:
+        node: the value. Names that `types` lacks have been reported already.
+        types: what each name is.
+        known: whether `known` and `age` can be asked here.
+    """
+    inference = _Inference(types, known)
+    typed = inference.infer(node)
+    return typed, tuple(inference.problems)
+
+
+def infer_condition(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
+    """Return the types of a condition's parts, and what is wrong with them; arguments as for `infer`."""
+    inference = _Inference(types, known)
+    typed = inference.condition(node)
+    return typed, tuple(inference.problems)
+
+
+def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
+    """Yield what keeps a value from being given to the context-variable of that type and name."""
+    given = value.type
+    if given is None:
+        return
+    inference = _Inference({}, known=False)
+    if wanted.kind is Kind.ENUM and given.kind is Kind.STR and given.fixed:
+        inference.check_members(value, wanted, f"'{name}'")
+        yield from inference.problems
+    elif wanted.kind is Kind.ENUM and given.kind is Kind.ENUM:
+        strange = [member for member in given.values if member not in wanted.values]
+        if strange:
+            way_out = f"map them: {{{wanted.values[0]}: CONDITION, ...}}"
+            message = f"'{strange[0]}' of {to_text(value.node)} is none of the values of '{name}'"
+            yield Problem("unknown-member", value.node, message, way_out)
+    elif wanted.numeric and given.numeric:
+        yield from _number_fits(value, given, wanted, name)
+    elif wanted.kind != given.kind and (wanted.kind, given.kind) != (Kind.STR, Kind.ENUM):
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
+        yield Problem("wrong-value-identified", value.node, message, _cure(given, wanted))
+
+
+def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
+    same = given.unit.dimension == wanted.unit.dimension
+    whole = given.kind is Kind.INT and (given.zero or given.unit == wanted.unit)
+    if not same and given.unit.dimension == ONE.dimension and not given.zero:
+        yield _missing_unit(value, f"'{name}'", wanted.unit)
+    elif not same and wanted.unit.dimension == ONE.dimension:
+        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' has no unit"
+        yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
+    elif not same and not given.zero:
+        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' is in {wanted.unit}"
+        yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted.unit}")
+    elif wanted.kind is Kind.INT and not whole:
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
+        yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
+
+
+def _cure(given: Type, wanted: Type) -> str:
+    if wanted.kind is Kind.BOOL:
+        return "compare the value, e.g. with '==' or '<'"
+    if wanted.kind is Kind.ENUM:
+        return f"map its members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
+    return f"give {wanted}, or change its type to {given.kind}"
+
+
+class _Inference:
+    """One walk over a condition, from the leaves up."""
+
+    def __init__(self, types: Types, known: bool) -> None:
+        self._types = types
+        self._known = known
+        self.problems: list[Problem] = []
+
+    def infer(self, node: Node) -> Typed:
+        """Return a node with its type."""
+        return _READERS[type(node)](self, node)
+
+    def check_members(self, value: Typed, wanted: Type, owner: str) -> None:
+        """Report each quoted text in a value that is no member of the owner's enum."""
+        if isinstance(value.node, Choice):
+            self.check_members(value.parts[0], wanted, owner)
+            self.check_members(value.parts[2], wanted, owner)
+        elif isinstance(value.node, Text) and value.node.value not in wanted.values:
+            near = suggest(value.node.value, wanted.values)
+            listed = ", ".join(f'"{member}"' for member in wanted.values[:10])
+            way_out = f'did you mean "{near}"?' if near else f"members are {listed}"
+            self._report("unknown-member", value, f'"{value.node.value}" is none of the values of {owner}', way_out)
+
+    def _report(self, rule: str, at: Typed, message: str, way_out: str) -> None:
+        self.problems.append(Problem(rule, at.node, message, way_out))
+
+    def _name(self, node: Name) -> Typed:
+        return Typed(node, self._types.get(node.name))
+
+    def _number(self, node: Number) -> Typed:
+        unit = ONE if node.unit is None else parse_unit(node.unit)
+        if unit is None:
+            return Typed(node, None)
+        kind = Kind.INT if isinstance(node.value, int) else Kind.FLOAT
+        return Typed(node, Type(kind, unit, fixed=True, zero=node.value == 0 and node.unit is None))
+
+    def _text(self, node: Text) -> Typed:
+        return Typed(node, Type(Kind.STR, fixed=True))
+
+    def _truth(self, node: Truth) -> Typed:
+        return Typed(node, Type(Kind.BOOL, fixed=True))
+
+    def condition(self, node: Node) -> Typed:
+        """Return a part that must be a condition."""
+        typed = self.infer(node)
+        self._require_condition(typed)
+        return typed
+
+    def _require_condition(self, typed: Typed) -> None:
+        """Report a value that is neither true nor false where a condition is needed."""
+        if typed.type is None or typed.type.kind is Kind.BOOL:
+            return
+        if isinstance(typed.node, Text) and self._types.get(typed.node.value, BOOL) == BOOL:
+            way_out = "names stand without quotes"
+        else:
+            way_out = "compare it, e.g. with '==' or '<'"
+        shown = to_text(typed.node)
+        self._report("not-a-condition", typed, f"{shown} is {typed.type}, not true or false", way_out)
+
+    def _not(self, node: Not) -> Typed:
+        return Typed(node, BOOL, (self.condition(node.operand),))
+
+    def _and_or(self, node: And | Or) -> Typed:
+        return Typed(node, BOOL, tuple(self.condition(operand) for operand in node.operands))
+
+    def _quantity(self, node: Node) -> Typed:
+        """Return a part that must be a number."""
+        typed = self.infer(node)
+        if typed.type is None or typed.type.numeric:
+            return typed
+        shown = to_text(typed.node)
+        self._report("wrong-operand", typed, f"{shown} is {typed.type}, not a number", "calculate with numbers only")
+        return replace(typed, type=None)
+
+    def _negative(self, node: Negative) -> Typed:
+        operand = self._quantity(node.operand)
+        return Typed(node, operand.type, (operand,))
+
+    def _arithmetic(self, node: Arithmetic) -> Typed:
+        left, right = self._quantity(node.left), self._quantity(node.right)
+        if left.type is None or right.type is None:
+            return Typed(node, None, (left, right))
+        if node.operator in "+-":
+            return Typed(node, self._common((left, right)), (left, right))
+        return Typed(node, self._product(node, left.type, right.type), (left, right))
+
+    def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
+        unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
+        far = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
+        if far or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
+            self.problems.append(Problem("wrong-operand", node, "the unit of this is out of bounds", "simplify it"))
+            return None
+        whole = node.operator == "*" and left.kind is right.kind is Kind.INT
+        return Type(Kind.INT if whole else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
+
+    def _common(self, values: tuple[Typed, ...]) -> Type | None:
+        """Return the type of values that are added, compared or chosen from, or None if they don't go together."""
+        for left, right in pairwise(values):
+            if not self._go_together(left, right):
+                return None
+        found = [value.type for value in values if value.type is not None]
+        if len(found) < len(values) or not found[0].numeric:
+            return self._joined(found) if len(found) == len(values) else None
+        measured = [each for each in found if not each.zero] or found
+        lead = next((each for each in measured if not each.fixed), measured[0])
+        whole = all(each.kind is Kind.INT and (each.zero or each.unit == lead.unit) for each in found)
+        fixed = all(each.fixed for each in found)
+        return Type(Kind.INT if whole else Kind.FLOAT, lead.unit, fixed=fixed, zero=all(each.zero for each in found))
+
+    def _joined(self, found: list[Type]) -> Type:
+        """Return the type of a choice between values that are no numbers."""
+        fixed = all(each.fixed for each in found)
+        enums = [each for each in found if each.kind is Kind.ENUM]
+        if not enums:
+            return replace(found[0], fixed=fixed)
+        if any(each.kind is Kind.STR and not each.fixed for each in found):
+            return Type(Kind.STR)
+        return Type(Kind.ENUM, values=tuple(dict.fromkeys(member for each in enums for member in each.values)))
+
+    def _go_together(self, left: Typed, right: Typed) -> bool:
+        """Report what keeps two values from being added or compared; return whether nothing does."""
+        if left.type is None or right.type is None:
+            return False
+        if left.type.numeric and right.type.numeric:
+            problem = None if left.type.zero or right.type.zero else _units_differ(left, right)
+            self.problems += [problem] if problem else []
+            return problem is None
+        texts = {Kind.STR, Kind.ENUM}
+        if left.type.kind in texts and right.type.kind in texts:
+            return self._texts_go_together(left, right)
+        if left.type.kind is right.type.kind:
+            return True
+        self._report("mismatched-types", right, _mismatch(left, right), _mismatch_cure(left, right))
+        return False
+
+    def _texts_go_together(self, left: Typed, right: Typed) -> bool:
+        before = len(self.problems)
+        for value, other in ((left, right), (right, left)):
+            if value.type and other.type and other.type.kind is Kind.ENUM and value.type.kind is Kind.STR:
+                self.check_members(value, other.type, to_text(other.node))
+        enums = [side.type.values for side in (left, right) if side.type and side.type.kind is Kind.ENUM]
+        if len(enums) == 2 and not set(enums[0]) & set(enums[1]):
+            message = f"{to_text(left.node)} and {to_text(right.node)} have no value in common"
+            self._report("mismatched-types", right, message, "compare enums that share members")
+        return len(self.problems) == before
+
+    def _compare(self, node: Compare) -> Typed:
+        operands = [self._side(node.first), *(self._side(operand) for _, operand in node.rest)]
+        for (operator, _), (left, right) in zip(node.rest, pairwise(operands), strict=True):
+            self._check_link(operator, left, right)
+        return Typed(node, BOOL, tuple(operands))
+
+    def _side(self, node: Node) -> Typed:
+        """Return one side of a comparison: the one place where an age may stand."""
+        return self._age(node) if is_age(node) and isinstance(node, Call) else self.infer(node)
+
+    def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:
+        ages = [side for side in (left, right) if is_age(side.node)]
+        if len(ages) == 2:
+            message, way_out = "two ages cannot be compared", "compare each age with a duration"
+            self._report("misplaced-age", right, message, way_out)
+        elif ages and operator in _NO_OTHERS:
+            message = f"an age is never exactly '{operator}' something"
+            self._report("misplaced-age", ages[0], message, "compare it with '<' or '>='")
+        elif self._go_together(left, right) and operator not in _NO_OTHERS:
+            self._check_order(operator, left)
+
+    def _check_order(self, operator: Comparison, left: Typed) -> None:
+        if left.type is not None and not left.type.numeric:
+            message = f"{to_text(left.node)} is {left.type}, which has no order for '{operator}'"
+            self._report("wrong-operand", left, message, "compare it with '==' or '!='")
+
+    def _in(self, node: In) -> Typed:
+        item = self.infer(node.item)
+        options = tuple(self.infer(option) for option in node.options)
+        for option in options:
+            self._go_together(item, option)
+        return Typed(node, BOOL, (item, *options))
+
+    def _choice(self, node: Choice) -> Typed:
+        then, condition, otherwise = self.infer(node.then), self.condition(node.condition), self.infer(node.otherwise)
+        return Typed(node, self._common((then, otherwise)), (then, condition, otherwise))
+
+    def _call(self, node: Call) -> Typed:
+        if node.function == "known":
+            return self._asked(node, BOOL)
+        if node.function == "age":
+            typed = self._asked(node, None)
+            if self._known:
+                message, way_out = "an age stands only alone on one side of a comparison", "write age(x) < 10 s"
+                self._report("misplaced-age", typed, message, way_out)
+            return typed
+        arguments = tuple(self._quantity(argument) for argument in node.arguments)
+        return Typed(node, self._common(arguments), arguments)
+
+    def _age(self, node: Call) -> Typed:
+        return self._asked(node, _SECONDS)
+
+    def _asked(self, node: Call, result: Type | None) -> Typed:
+        """Return a question about a context-variable itself, which only conditions over context can ask."""
+        if not self._known:
+            message = f"{node.function}() asks about context-variables, which are not seen here"
+            way_out = "ask in 'observable_when'; a returned value that is absent makes its condition unknown by itself"
+            self._report("misplaced-known", Typed(node, None), message, way_out)
+        return Typed(node, result if self._known or node.function == "known" else None)
+
+
+def is_age(node: Node) -> bool:
+    """Return whether a node is `age(x)`."""
+    return isinstance(node, Call) and node.function == "age"
+
+
+def _units_differ(left: Typed, right: Typed) -> Problem | None:
+    """Return why two numbers cannot be compared or added, if they cannot."""
+    if left.type is None or right.type is None or left.type.unit.dimension == right.type.unit.dimension:
+        return None
+    for bare, other in ((left, right), (right, left)):
+        if bare.type and other.type and bare.type.unit.dimension == ONE.dimension:
+            return _missing_unit(bare, to_text(other.node), other.type.unit)
+    message = f"{to_text(left.node)} is in {left.type.unit}, but {to_text(right.node)} is in {right.type.unit}"
+    return Problem("mismatched-units", right.node, message, "compare quantities of one kind")
+
+
+def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
+    shown = to_text(bare.node)
+    if bare.type is not None and bare.type.fixed:
+        way_out = f"did you mean '{shown} {unit}'?"
+    else:
+        way_out = "state its unit where it is declared"
+    return Problem("missing-unit", bare.node, f"{shown} has no unit, but {other} is in {unit}", way_out)
+
+
+def _mismatch(left: Typed, right: Typed) -> str:
+    return f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
+
+
+def _mismatch_cure(left: Typed, right: Typed) -> str:
+    for side, other in ((left, right), (right, left)):
+        if isinstance(side.node, Text) and other.type is not None:
+            if other.type.kind is Kind.BOOL and side.node.value in ("true", "false"):
+                return f"write {side.node.value} without quotes"
+            if other.type.numeric:
+                return "numbers stand without quotes"
+    return "compare values of one type"
+
+
+_READERS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {
+    Name: _Inference._name,
+    Number: _Inference._number,
+    Text: _Inference._text,
+    Truth: _Inference._truth,
+    Not: _Inference._not,
+    And: _Inference._and_or,
+    Or: _Inference._and_or,
+    Compare: _Inference._compare,
+    In: _Inference._in,
+    Arithmetic: _Inference._arithmetic,
+    Negative: _Inference._negative,
+    Choice: _Inference._choice,
+    Call: _Inference._call,
+}

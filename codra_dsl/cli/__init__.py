@@ -1,0 +1,14 @@
+"""The command `codra`: parse arguments, call one function, print, exit."""
+
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Run the command line and exit: 0 clean, 1 findings or failed, 2 usage, 70 a bug of ours, 130 interrupted."""
+    try:
+        from codra_dsl.cli.app import command_line
+
+        code = command_line()
+    except KeyboardInterrupt:  # also while modules are still being loaded
+        code = 130
+    raise SystemExit(code)

@@ -1,0 +1,93 @@
+"""The commands, and what holds for all of them: exit codes, interruption, broken pipes, and never a traceback.
+
+A command module imports what it needs inside its function, so that `codra --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from codra_dsl import __version__
+from codra_dsl.cli.compile import compile_command
+from codra_dsl.cli.console import ExitCode, say
+from codra_dsl.cli.graph import graph_command
+from codra_dsl.cli.lint import lint_command
+from codra_dsl.cli.run import run_command
+
+app = typer.Typer(
+    name="codra",
+    help="Declare what context a robot's decisions need; compile it to observers; check it.",
+    no_args_is_help=True,
+    add_completion=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("compile")(compile_command)
+app.command("lint")(lint_command)
+app.command("graph")(graph_command)
+app.command("run")(run_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"codra {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _codra(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Declare what context a robot's decisions need; compile it to observers; check it."""
+
+
+def command_line() -> int:
+    """Run the command line and return its exit code; a reader that has gone is no reason for noise."""
+    _escape_what_the_terminal_lacks()
+    try:
+        code = _run()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+        code = ExitCode.FAILED
+    return code
+
+
+def _run() -> int:
+    try:
+        app(prog_name="codra")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else ExitCode.FAILED if ended.code else ExitCode.CLEAN
+    except BrokenPipeError:
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever went wrong, a person gets a sentence
+        say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
+        say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
+        return ExitCode.INTERNAL
+    return ExitCode.CLEAN
+
+
+def _last_place(error: Exception) -> str:
+    """Return file and line within codra where an error arose."""
+    package = Path(__file__).parents[1]
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [frame for frame in frames if Path(frame.filename).is_relative_to(package)]
+    if not ours:
+        return "outside codra"
+    return f"{Path(ours[-1].filename).relative_to(package.parent).as_posix()}:{ours[-1].lineno}"
+
+
+def _escape_what_the_terminal_lacks() -> None:
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors="backslashreplace")

@@ -1,0 +1,166 @@
+"""`codra run`: a spec's observers in a simulated world, scored against its ground truth."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import Colour, ExitCode, Format, View, common_root, counted, existing, say, write_result
+from codra_dsl.cli.options import ColourOption
+
+if TYPE_CHECKING:
+    from codra_dsl.experiments.lab import LabRun, LabSettings
+    from codra_dsl.model import Spec
+
+
+class World(StrEnum):
+    """The worlds that a spec can be run in."""
+
+    LAB = "lab"
+
+
+class Pace(StrEnum):
+    """How time passes: as fast as it can be computed, or as it really does."""
+
+    FAST = "fast"
+    REAL = "real"
+
+
+SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec to run.", show_default=False)]
+WorldOption = Annotated[World, typer.Option("--world", help="Where to run it.")]
+Seed = Annotated[int, typer.Option("--seed", help="Of everything that chance decides.")]
+Duration = Annotated[
+    str | None,
+    typer.Option("--for", metavar="DURATION", help="How long, e.g. '10 min'.  [default: one whole loop]"),
+]
+PaceOption = Annotated[Pace, typer.Option("--pace", help="Whether simulated or real time passes.")]
+Naive = Annotated[bool, typer.Option("--naive", help="Add an arm without conditions that looks again at once.")]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Where pictures and records go.  [default: runs/NAME-seed-SEED]"),
+]
+
+_PROGRESS_EVERY_S = 10.0
+
+
+def run_command(
+    spec: SpecFile,
+    *,
+    world: WorldOption = World.LAB,
+    seed: Seed = 1,
+    for_: Duration = None,
+    pace: PaceOption = Pace.FAST,
+    naive: Naive = False,
+    out: Out = None,
+    color: ColourOption = Colour.AUTO,
+) -> None:
+    """Run a spec in a simulated world, and print what its observers held against what was true."""
+    try:
+        from codra_dsl.experiments import lab
+    except ModuleNotFoundError as error:
+        say(f"codra: 'run' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
+        raise typer.Exit(ExitCode.FAILED) from error
+
+    duration_s = None if for_ is None else _duration_s(for_)
+    existing([spec])
+    root = common_root([spec])
+    loaded = _load(spec, root, color)
+    settings = lab.LabSettings(seed=seed, duration_s=duration_s, pace=lab.Pace(pace.value), progress=_progress())
+    folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
+    sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
+    _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
+
+
+def _run(spec: Spec, world: World, settings: LabSettings, naive: bool) -> LabRun:
+    from codra_dsl.experiments.lab import run_lab
+    from codra_dsl.experiments.spec_run import compiled
+    from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
+    from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
+
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        ready = compiled(spec, Path(made))
+        try:
+            return run_lab(ready.start, settings, ready.start_naive if naive else None)
+        except GraphicsUnavailableError as error:
+            say(f"codra: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
+        except (CallError, NotDeclaredError, UnknownNameError) as error:
+            say(f"codra: '{spec.name}' does not run in the {world}: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
+
+
+def _load(path: Path, root: Path, color: Colour) -> Spec:
+    """Return a spec without errors that has what the lab needs; show what is to be found about it."""
+    from codra_dsl.compiler import plan_paths
+    from codra_dsl.experiments.spec_run import lacks
+
+    planned = plan_paths([path], root)
+    if planned.diagnostics:
+        write_result(View(root=root, format=Format.FULL, colour=color).rendered(planned.diagnostics, sys.stdout))
+        say(counted(planned.diagnostics))
+    if len(planned.plans) > 1:
+        raise typer.BadParameter(f"'{path}' holds {len(planned.plans)} specs: name one", param_hint="SPEC")
+    if not planned.plans:
+        raise typer.Exit(ExitCode.FAILED)
+    spec = planned.plans[0].checked.spec
+    if missing := lacks(spec):
+        say("\n  ".join((f"codra: '{spec.name}' does not run in the lab, whose main execution needs:", *missing)))
+        raise typer.Exit(ExitCode.FAILED)
+    return spec
+
+
+def _duration_s(text: str) -> float:
+    from codra_dsl.units import parse_duration
+
+    duration_s = parse_duration(text)
+    if not isinstance(duration_s, float) or not 0 < duration_s < float("inf"):
+        raise typer.BadParameter(f"'{text}' is no duration such as '90 s' or '10 min'", param_hint="--for")
+    return duration_s
+
+
+def _made(folder: Path) -> Path:
+    """Return the folder for what a run writes, made before the run lest it be in vain."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot write to '{folder}': {error.strerror}", param_hint="--out") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise typer.BadParameter(f"cannot write to '{folder}'", param_hint="--out")
+    return folder
+
+
+def _progress() -> Callable[[float], None]:
+    """Return what shows the reached instant on a terminal, and nothing elsewhere."""
+    if not sys.stderr.isatty():
+        return lambda _: None
+    shown_s = 0.0
+
+    def show(now_s: float) -> None:
+        nonlocal shown_s
+        if now_s - shown_s >= _PROGRESS_EVERY_S:
+            shown_s = now_s
+            print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
+
+    return show
+
+
+def _show(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
+    from codra_dsl.experiments.report import run_text, write_pictures
+
+    if sys.stderr.isatty():
+        print("\r", end="", file=sys.stderr)
+    write_result(run_text(run))
+    try:
+        paths = list(write_pictures(run, folder, labels))
+    except OSError as error:
+        say(f"codra: cannot write to '{folder}': {error.strerror or error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    say("\n".join(path.as_posix() for path in paths))
+    raise typer.Exit(ExitCode.FAILED if run.error else ExitCode.CLEAN)

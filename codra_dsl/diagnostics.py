@@ -1,0 +1,160 @@
+"""Findings: what is wrong, where, and the way out. Every floor of the compiler reports with these values."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+
+class Severity(StrEnum):
+    """How bad a finding is. Only errors keep a spec from being compiled."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A range of text. Lines and columns are 1-based, columns count code points, the end is exclusive.
+
+    Attributes:
+        file: relative to the project root, with `/`; `-` for standard input.
+    """
+
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Place:
+    """Where an element stands: its span and, for what a template made, the span of the `use` that made it."""
+
+    span: Span
+    use: Span | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Related:
+    """Another place that belongs to a finding, with what is to be seen there."""
+
+    message: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """One kind of finding. Codes are never reused."""
+
+    code: str
+    name: str
+    severity: Severity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One finding.
+
+    Attributes:
+        path: the element within the spec, e.g. `skills.open_door.monitor`; holds no line number.
+        help: the way out, in one sentence; may be empty only where the message says it.
+    """
+
+    rule: Rule
+    message: str
+    place: Place
+    path: str = ""
+    help: str = ""
+    related: tuple[Related, ...] = ()
+
+    @property
+    def code(self) -> str:
+        """Return the rule's code, `CDRnnnn`."""
+        return self.rule.code
+
+    @property
+    def severity(self) -> Severity:
+        """Return the rule's severity."""
+        return self.rule.severity
+
+    @property
+    def fingerprint(self) -> str:
+        """Return a name for this finding that stays the same when lines move."""
+        text = "\0".join((self.code, self.place.span.file, self.path, self.message))
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether any finding keeps the spec from being compiled."""
+    return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
+
+
+def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return findings by file, place and code, each once."""
+    unique = dict.fromkeys(diagnostics)
+    return tuple(sorted(unique, key=lambda found: (found.place.span, found.code, found.message)))
+
+
+MAX_USES_TOLD = 5
+"""How many other uses of a template a finding names."""
+
+
+def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return findings with what a template's text gives in each of its uses as one, which names the other uses."""
+    same: dict[object, list[Diagnostic]] = {}
+    for found in diagnostics:
+        key = found if found.place.use is None else (found.code, found.place.span, found.path)
+        same.setdefault(key, []).append(found)
+    return tuple(_with_uses(*group) for group in same.values())
+
+
+def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
+    uses = {each.place.use: each for each in others if each.place.use != first.place.use}
+    told = list(uses.values())[:MAX_USES_TOLD]
+    also = tuple(Related(f"in another use: {each.message}", each.place) for each in told)
+    return replace(first, related=first.related + also) if also else first
+
+
+MAX_CANDIDATES = 2000
+MAX_SUGGESTED_LENGTH = 64
+
+
+def suggest(name: str, candidates: Iterable[str]) -> str | None:
+    """Return the candidate that `name` most likely means, or None.
+
+    At most a third of the letters may differ (insertions, deletions, replacements, neighbours swapped). Cost is
+    bounded: at most MAX_CANDIDATES names of similar length are compared.
+    """
+    limit = max(1, len(name) // 3)
+    similar = sorted(other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name)
+    if len(name) > MAX_SUGGESTED_LENGTH:
+        return None
+    scored = [(_distance(name.casefold(), other.casefold(), limit), other) for other in similar[:MAX_CANDIDATES]]
+    best = min(scored, default=(limit + 1, ""))
+    return best[1] if best[0] <= limit else None
+
+
+def _distance(left: str, right: str, limit: int) -> int:
+    """Return the optimal string alignment distance, or `limit + 1` when it is larger."""
+    before: list[int] = []
+    previous = list(range(len(right) + 1))
+    for row, letter in enumerate(left, start=1):
+        current = [row]
+        for column, other in enumerate(right, start=1):
+            cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != other))
+            if row > 1 and column > 1 and letter == right[column - 2] and left[row - 2] == other:
+                cost = min(cost, before[column - 2] + 1)
+            current.append(cost)
+        if min(current) > limit:
+            return limit + 1
+        before, previous = previous, current
+    return previous[-1]
+
+
+def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:
+    """Return rules by name from (code, name, severity) rows: each room keeps one table of its own."""
+    return {name: Rule(code=code, name=name, severity=severity) for code, name, severity in entries}

@@ -1,0 +1,34 @@
+"""A plan as text: the files of a generated package, and nothing else. It reads no disk, no clock and no environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from codra_dsl.build_plan import BuildPlan
+from codra_dsl.emit.entry import entry_text
+from codra_dsl.emit.modules import module_texts
+from codra_dsl.emit.records import SOURCES, graph_text, manifest_text, sources_text
+from codra_dsl.emit.rendering import render
+
+__all__ = ["emit", "package_text"]
+
+
+def emit(plan: BuildPlan) -> Mapping[str, str]:
+    """Return the files of a plan's package by path, relative to the output folder, sorted.
+
+    The same plan gives the same bytes, whatever the machine, its settings or the hash seed. Only `sources.json` knows
+    where things stand in the spec, so that a comment added there changes nothing else.
+    """
+    outputs = {
+        "__init__.py": entry_text(plan),
+        "graph.json": graph_text(plan),
+        **dict(module_texts(plan)),
+    }
+    outputs["manifest.json"] = manifest_text(plan, outputs)
+    outputs[SOURCES] = sources_text(plan)
+    return {f"{plan.name}/{path}": outputs[path] for path in sorted(outputs)}
+
+
+def package_text() -> str:
+    """Return the text of the `__init__.py` beside all generated packages."""
+    return render("package.py.j2")

@@ -1,0 +1,149 @@
+"""What generated modules declare, in the words of `codra_dsl.runtime.model`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from codra_dsl.build_plan import Branch, Tree
+from codra_dsl.emit.imports import Imports
+from codra_dsl.emit.layout import Brackets, Expression, call, dictionary, spread_call, tuple_of
+from codra_dsl.emit.literals import literal, text_literal
+from codra_dsl.model import Access, Kind, Resource, Returned, Skill, ValueType, Variable
+
+DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
+    "Algorithm": {
+        "parameters": "{}",
+        "handles": "()",
+        "slots": "()",
+        "given": "()",
+        "returns": "{}",
+        "timeout_s": "5.0",
+        "min_interval_s": "0.0",
+    },
+    "ObserverModel": {"period_s": "1.0", "priority": "0"},
+    "ResourceModel": {"slots": "None"},
+    "SkillModel": {"preview": "()", "monitor": "()", "changes": "()"},
+    "VariableModel": {
+        "label": '""',
+        "sources": '("observer",)',
+        "valid_for_s": "math.inf",
+        "when_unobservable": '"keep"',
+        "history": "100",
+    },
+}
+"""What the runtime takes for granted, and so goes without saying in generated code."""
+
+_TYPES: Mapping[Kind, str] = {
+    Kind.BOOL: "boolean",
+    Kind.INT: "integer",
+    Kind.FLOAT: "real",
+    Kind.STR: "text",
+    Kind.ENUM: "member",
+}
+
+
+def algorithm(branch: Branch, imports: Imports) -> Expression:
+    """Return the declaration of a perception algorithm."""
+    declared = branch.algorithm.algorithm
+    fields = _told(
+        "Algorithm",
+        imports,
+        name=literal(declared.name),
+        call=literal(declared.call),
+        parameters=dictionary((text_literal(name), literal(value)) for name, value in declared.parameters),
+        handles=_names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
+        slots=_names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
+        given=_names(reference.name for reference in declared.given),
+        returns=dictionary((text_literal(each.name), _returned(each, imports)) for each in declared.returns),
+        timeout_s=literal(declared.timeout_s),
+        min_interval_s=literal(declared.min_interval_s),
+    )
+    return spread_call("Algorithm", **fields)
+
+
+def variable(declared: Variable, imports: Imports) -> Expression:
+    """Return the declaration of a context-variable."""
+    fields = _told(
+        "VariableModel",
+        imports,
+        name=literal(declared.name),
+        type=_type(declared.type, imports),
+        label=literal(declared.label if declared.label != declared.name else ""),
+        sources=_names([reference.name for reference in declared.sources] or ["observer"]),
+        valid_for_s=literal(declared.valid_for_s),
+        when_unobservable=literal(declared.when_unobservable.value),
+        history=literal(declared.history),
+    )
+    return call("VariableModel", **fields)
+
+
+def observer(tree: Tree, imports: Imports) -> Expression:
+    """Return the declaration of an observer."""
+    fields = _told(
+        "ObserverModel",
+        imports,
+        name=literal(tree.name),
+        identifies=_names(tree.identifies),
+        build=tree.function,
+        period_s=literal(tree.period_s),
+        priority=literal(tree.priority),
+    )
+    return call("ObserverModel", **fields)
+
+
+def skill(declared: Skill, imports: Imports) -> Expression:
+    """Return the declaration of a skill."""
+    fields = _told(
+        "SkillModel",
+        imports,
+        name=literal(declared.name),
+        preview=_names(reference.name for reference in declared.preview),
+        monitor=_names(expectation.variable.name for expectation in declared.monitor),
+        changes=_names(reference.name for reference in declared.changes),
+    )
+    return call("SkillModel", **fields)
+
+
+def resource(declared: Resource, imports: Imports) -> Expression:
+    """Return the declaration of a resource."""
+    slots = "None" if declared.slots is None else literal(declared.slots)
+    return call("ResourceModel", **_told("ResourceModel", imports, name=literal(declared.name), slots=slots))
+
+
+def _told(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
+    """Return the fields that differ from what the runtime takes for granted; say what they import."""
+    imports.use(model)
+    defaults = DEFAULTS[model]
+    told = {name: value for name, value in fields.items() if not _same(value, defaults.get(name))}
+    imports.use_math_for(told.values())
+    return told
+
+
+def _same(value: Expression, default: Expression | None) -> bool:
+    return default is not None and (value == default or (isinstance(value, Brackets) and _plain(value) == default))
+
+
+def _plain(brackets: Brackets) -> str:
+    return brackets.opening + ", ".join(str(item) for _, item in brackets.items) + brackets.closing
+
+
+def _names(names: Iterable[str]) -> Expression:
+    """Return a tuple of names, each once."""
+    return tuple_of(text_literal(name) for name in dict.fromkeys(names))
+
+
+def _returned(returned: Returned, imports: Imports) -> Expression:
+    return _type(returned.type, imports, optional="True") if returned.optional else _type(returned.type, imports)
+
+
+def _type(declared: ValueType, imports: Imports, **optional: Expression) -> Expression:
+    """Return the type of a value; bounds of whole numbers are whole."""
+    function = _TYPES[declared.kind]
+    imports.use(function)
+    bounds = declared.range if declared.range is not None else ()
+    whole = declared.kind is Kind.INT and all(map(math.isfinite, bounds))
+    arguments = [literal(int(bound) if whole else bound) for bound in bounds]
+    imports.use_math_for(arguments)
+    unit = {"unit": literal(declared.unit)} if declared.unit is not None else {}
+    return call(function, *arguments, *map(text_literal, declared.values), **unit, **optional)

@@ -1,0 +1,131 @@
+"""The entry of a generated package: the whole model, access to it with types, and `start`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.build_plan import BuildPlan
+from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
+from codra_dsl.emit.declarations import resource
+from codra_dsl.emit.imports import Imports
+from codra_dsl.emit.layout import WIDTH, Brackets, Expression, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.emit.literals import text_literal
+from codra_dsl.emit.rendering import made_by, render
+from codra_dsl.model import Kind
+
+_PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Values:
+    """The variables whose values have one type in Python.
+
+    Attributes:
+        variables: their names.
+        alias: what stands for those names in signatures.
+        type: of their values.
+        members: of an enum, whose type is an alias as well.
+    """
+
+    variables: tuple[str, ...]
+    alias: str
+    type: str
+    members: tuple[str, ...]
+
+
+def entry_text(plan: BuildPlan) -> str:
+    """Return the text of the package's `__init__.py`."""
+    imports = Imports()
+    imports.use_math_for(["math.inf"])
+    imports.use("Callable", "Mapping", "Answer", "Clock", "ContextManager", "ContextModel", "Reading", "Record")
+    kinds = _values(plan)
+    imports.use(*(["overload"] if len(kinds) > 1 else []), *(["Any"] if len(kinds) != 1 else []))
+    aliases = [*_variable_aliases(kinds), _alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
+    imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
+    return render(
+        "entry.py.j2",
+        title=f"The context of '{plan.name}': {_counted(plan)}.",
+        made_by=made_by(plan),
+        model=laid_out(_model(plan, imports)),
+        imports=imports.lines(),
+        modules=_local_imports(plan),
+        aliases=aliases,
+        name=plan.name,
+        class_name=plan.class_name,
+        overloads=kinds if len(kinds) > 1 else [],
+        value_type=kinds[0].type if len(kinds) == 1 else "Any",
+    )
+
+
+def _values(plan: BuildPlan) -> list[_Values]:
+    """Return the variables by type, in the order in which the types first appear."""
+    by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
+    for variable in plan.checked.variables.values():
+        by_type.setdefault((variable.type.kind, variable.type.values), []).append(variable.name)
+    taken = {plan.class_name, *ENTRY_NAMES}
+    return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
+
+
+def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> _Values:
+    """Return a group with names for it: an enum's are made of its first variable's."""
+    if kind in _PLAIN:
+        alias = f"{_PLAIN[kind].capitalize()}Name"
+        return _Values(variables=tuple(variables), alias=alias, type=_PLAIN[kind], members=())
+    type_name = camel_case(variables[0])
+    while {type_name, f"{type_name}Name"} & taken:
+        type_name += "_"
+    taken |= {type_name, f"{type_name}Name"}
+    return _Values(variables=tuple(variables), alias=f"{type_name}Name", type=type_name, members=members)
+
+
+def _variable_aliases(kinds: list[_Values]) -> Iterator[str]:
+    for values in kinds:
+        if values.members:
+            yield _alias(values.type, values.members)
+    if len(kinds) > 1:
+        yield from (_alias(values.alias, values.variables) for values in kinds)
+        yield f"VariableName = {' | '.join(values.alias for values in kinds)}"
+    else:
+        yield _alias("VariableName", [name for values in kinds for name in values.variables])
+
+
+def _alias(name: str, members: Iterable[str]) -> str:
+    """Return the statement that makes `name` stand for one of some strings."""
+    items = tuple(("", text_literal(member)) for member in members)
+    literals = laid_out(Brackets("Literal[", items, "]"), before=len(name) + 3)
+    return f"{name} = {literals if items else 'Never'}"
+
+
+def _counted(plan: BuildPlan) -> str:
+    """Return how much there is of everything, for the docstring."""
+    counts = (
+        (len(plan.forest), "observer"),
+        (len(plan.checked.variables), "context-variable"),
+        (len(plan.checked.spec.skills), "skill"),
+    )
+    return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
+
+
+def _local_imports(plan: BuildPlan) -> str:
+    names = [module.name for module in plan.modules]
+    flat = f"from . import {', '.join(names)}"
+    if not names:
+        return ""
+    return flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
+
+
+def _model(plan: BuildPlan, imports: Imports) -> Expression:
+    resources = [resource(each, imports) for each in plan.checked.spec.resources]
+    return spread_call(
+        "ContextModel",
+        name=text_literal(plan.name),
+        variables=_gathered(plan, "VARIABLES"),
+        observers=_gathered(plan, "OBSERVERS"),
+        skills=_gathered(plan, "SKILLS"),
+        resources=tuple_of(resources),
+    )
+
+
+def _gathered(plan: BuildPlan, what: str) -> Expression:
+    return tuple_of(f"*{module.name}.{what}" for module in plan.modules)

@@ -1,0 +1,69 @@
+"""What a generated module imports: the names that it uses, sorted as ruff sorts them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from codra_dsl.emit.conditions import WORDS
+from codra_dsl.emit.layout import WIDTH, Expression, laid_out, spread_tuple
+
+_HOMES: Mapping[str, Iterable[str]] = {
+    "collections.abc": ["Callable", "Mapping"],
+    "typing": ["Any", "Literal", "Never", "overload"],
+    "py_trees.behaviour": ["Behaviour"],
+    "py_trees.common": ["ParallelPolicy"],
+    "py_trees.composites": ["Parallel", "Selector", "Sequence"],
+    "py_trees.decorators": ["FailureIsSuccess"],
+    "codra_dsl.runtime": ["Clock", "ContextManager", "Reading", "Record"],
+    "codra_dsl.runtime.behaviours": ["Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"],
+    "codra_dsl.runtime.conditions": WORDS,
+    "codra_dsl.runtime.context": ["Answer"],
+    "codra_dsl.runtime.model": [
+        *["Algorithm", "ContextModel", "ObserverModel", "ResourceModel", "SkillModel", "VariableModel"],
+        *["boolean", "integer", "member", "real", "text"],
+    ],
+    "codra_dsl.runtime.observer": ["Observer"],
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_SECTIONS = (("collections.abc", "typing"), ("py_trees",), ("codra_dsl",))
+
+
+class Imports:
+    """Collects names while a module is written."""
+
+    def __init__(self) -> None:
+        self._names: dict[str, set[str]] = {}
+        self._math = False
+
+    def use(self, *names: str) -> None:
+        """Say that the module uses names of the runtime, of py_trees or of Python's library."""
+        for name in names:
+            self._names.setdefault(_HOME[name], set()).add(name)
+
+    def use_math_for(self, values: Iterable[Expression]) -> None:
+        """Say that the module holds some values, which may be infinite."""
+        self._math = self._math or any(value in ("math.inf", "-math.inf") for value in values)
+
+    def lines(self) -> str:
+        """Return the import statements: Python's own, then py_trees', then ours, a blank line between."""
+        plain = ["import math"] if self._math else []
+        sections = [[*(plain if number == 0 else []), *self._section(homes)] for number, homes in enumerate(_SECTIONS)]
+        return "\n\n".join("\n".join(section) for section in sections if section)
+
+    def _section(self, homes: tuple[str, ...]) -> Iterator[str]:
+        for home in sorted(self._names):
+            if home.startswith(homes):
+                yield _statement(home, self._names[home])
+
+
+def _statement(home: str, names: Iterable[str]) -> str:
+    before = f"from {home} import "
+    flat = ", ".join(sorted(names, key=_by_kind))
+    if len(before) + len(flat) <= WIDTH:
+        return before + flat
+    return before + laid_out(spread_tuple(flat.split(", ")))
+
+
+def _by_kind(name: str) -> tuple[int, str]:
+    """Return the key by which ruff sorts: constants, classes, the rest."""
+    return (0 if name.isupper() else 1 if name[0].isupper() else 2, name)

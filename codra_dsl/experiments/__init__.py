@@ -1,0 +1,1 @@
+"""Runs in a world, scored against its ground truth, with tables and pictures."""

@@ -1,0 +1,72 @@
+"""A main execution's time, which ends at an agreed instant, whatever the main execution does then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
+
+
+class TimeIsUp(Exception):  # noqa: N818 - it ends a run as agreed
+    """The run has lasted as long as it was to last."""
+
+
+class LimitedClock(Clock):
+    """A clock that ends whoever sleeps or waits on it at an instant; events and work go on as on the clock itself."""
+
+    def __init__(self, clock: Clock, end_s: float, passed: Callable[[float], None]) -> None:
+        """Limit a clock.
+
+        Args:
+            clock: what shows the time.
+            end_s: when `TimeIsUp` is raised in whoever sleeps or waits; infinity for never.
+            passed: is told the present instant after each sleep.
+        """
+        self._clock = clock
+        self._end_s = end_s
+        self._passed = passed
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self._clock.now_s()
+
+    def sleep(self, duration_s: float) -> None:
+        """Let time pass, to the end at most.
+
+        Raises:
+            TimeIsUp: if the end was reached.
+        """
+        left_s = self._left_s()
+        self._clock.sleep(min(duration_s, left_s))
+        self._passed(self.now_s())
+        if duration_s >= left_s:
+            raise TimeIsUp
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event."""
+        return self._clock.call_at(instant_s, callback)
+
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `ready()` holds, to the end at most.
+
+        Raises:
+            TimeIsUp: if the end was reached first.
+        """
+        left_s = self._left_s()
+        if self._clock.wait_until(ready, min(timeout_s, left_s)):
+            return True
+        if left_s <= timeout_s and left_s < math.inf:
+            raise TimeIsUp
+        return False
+
+    def notify(self) -> None:
+        """Say that what a `wait_until` looks at may have changed."""
+        self._clock.notify()
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Start a piece of work."""
+        return self._clock.start(run, deliver)
+
+    def _left_s(self) -> float:
+        return max(self._end_s - self.now_s(), 0.0)

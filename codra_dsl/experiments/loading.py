@@ -1,0 +1,36 @@
+"""Generated code, taken from where it was written."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, cast
+
+from codra_dsl.runtime import ContextManager
+
+
+def load_start(files: Mapping[str, str], name: str, folder: Path) -> Callable[..., ContextManager[Any, Any]]:
+    """Write generated files into a folder and return the `start` of the package `name` among them.
+
+    Args:
+        files: texts by path relative to the folder, as the compiler emits them.
+        name: the spec's name.
+        folder: an empty folder of this run; its path keeps packages of several runs apart.
+    """
+    for path, text in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    package = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{name}"
+    place = folder / name
+    spec = importlib.util.spec_from_file_location(
+        package, place / "__init__.py", submodule_search_locations=[str(place)]
+    )
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{place} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[package] = module
+    spec.loader.exec_module(module)
+    return cast("Callable[..., ContextManager[Any, Any]]", module.start)

@@ -1,0 +1,113 @@
+"""Dependency graphs over names: closure, names that need each other, and a cycle as a path.
+
+A graph is a mapping from each name to the names it needs, in order. Every answer depends on names and on that order
+alone, never on hashes. Nothing here knows what a name stands for, and nothing recurses: a chain may be as long as
+memory allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import networkx as nx
+
+Needs = Mapping[str, Sequence[str]]
+
+MAX_VISITS = 200_000
+"""How many edges `shortest_cycle` looks at before it settles for the shortest cycle found so far."""
+SHORTEST = 2
+"""No cycle of several names is shorter."""
+
+
+def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
+    """Return what `start` reaches, `start` itself included, depth first in the order of `start` and `needs`."""
+    reached: dict[str, None] = {}
+    open_names = list(start)[::-1]
+    while open_names:
+        name = open_names.pop()
+        if name not in reached:
+            reached[name] = None
+            open_names.extend(reversed(needs.get(name, ())))
+    return tuple(reached)
+
+
+def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
+    """Return the sets of names that need each other, each sorted, ordered by their first name.
+
+    A name that is on no cycle has no part in the answer; a name that needs itself is a component of its own.
+    """
+    graph = _directed(needs)
+    found = (sorted(names) for names in nx.strongly_connected_components(graph))
+    return tuple(sorted(tuple(names) for names in found if len(names) > 1 or graph.has_edge(names[0], names[0])))
+
+
+def shortest_cycle(needs: Needs) -> tuple[str, ...]:
+    """Return a shortest cycle as a path whose last name needs its first, or () where there is none.
+
+    Among cycles of the same length it takes the one met first when starting from the least name; the path begins with
+    its own least name. On graphs with very many cycles the search is bounded by MAX_VISITS.
+    """
+    graph = _directed(needs)
+    itself = min(nx.nodes_with_selfloops(graph), default=None)
+    if itself is not None:
+        return (itself,)
+    budget = MAX_VISITS
+    best: tuple[str, ...] = ()
+    waiting = _cyclic_parts(graph)
+    while waiting and budget > 0 and len(best) != SHORTEST:
+        part = waiting.pop(0)
+        start = min(part)
+        path, visits = _cycle_through(start, part, shorter_than=len(best))
+        best = path or best
+        budget -= visits + part.number_of_edges()
+        part.remove_node(start)  # every cycle through it has been judged
+        waiting.extend(_cyclic_parts(part))
+    return _from_least(best)
+
+
+def _directed(needs: Needs) -> nx.DiGraph[str]:
+    """Return the graph with an edge from each name to each name that it needs."""
+    graph: nx.DiGraph[str] = nx.DiGraph()
+    graph.add_nodes_from(needs)
+    graph.add_edges_from((name, need) for name, wanted in needs.items() for need in wanted)
+    return graph
+
+
+def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
+    """Return copies of the parts of `graph` that hold a cycle of several names, ordered by least name."""
+    cyclic = (names for names in nx.strongly_connected_components(graph) if len(names) > 1)
+    return [graph.subgraph(names).copy() for names in sorted(cyclic, key=min)]
+
+
+def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
+    """Return a shortest cycle through `start` (if it beats `shorter_than`, 0 = any) and how many edges were seen."""
+    came_from: dict[str, str] = {}
+    layer, length, visits = [start], 1, 0
+    while layer and (shorter_than == 0 or length < shorter_than):
+        following: list[str] = []
+        for name in layer:
+            for need in sorted(graph.successors(name)):
+                visits += 1
+                if need == start:
+                    return tuple(_path_back(name, start, came_from))[::-1], visits
+                if need not in came_from:
+                    came_from[need] = name
+                    following.append(need)
+        layer, length = following, length + 1
+    return (), visits
+
+
+def _path_back(name: str, start: str, came_from: Mapping[str, str]) -> Iterator[str]:
+    """Yield the names from `name` back to `start`."""
+    while name != start:
+        yield name
+        name = came_from[name]
+    yield start
+
+
+def _from_least(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a cyclic path turned so that it begins with its least name."""
+    if not path:
+        return ()
+    least = path.index(min(path))
+    return path[least:] + path[:least]

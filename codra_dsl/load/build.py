@@ -1,0 +1,229 @@
+"""Elements: nodes of the right shape -> values of the model."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterable
+
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.conditions import read_condition, read_conditions, whole_items
+from codra_dsl.load.monitor import read_expectation
+from codra_dsl.load.names import check_name
+from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
+from codra_dsl.load.reader import Reader, entries
+from codra_dsl.load.values import read_literal, read_type
+from codra_dsl.model import (
+    FOREVER_S,
+    Access,
+    Agent,
+    Algorithm,
+    Condition,
+    Expectation,
+    Hysteresis,
+    Identification,
+    Isolation,
+    Kind,
+    Literal,
+    Members,
+    ObserverSetting,
+    Refresh,
+    Resource,
+    Returned,
+    Skill,
+    Usage,
+    ValueType,
+    Variable,
+    WhenUnobservable,
+)
+
+MAX_CONFIRMED = 100
+"""The most results that `confirm` looks at."""
+
+_CALL = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
+_CONFIRM = re.compile(r"([0-9]{1,9})\s+of\s+([0-9]{1,9})")
+
+
+def build_variable(reader: Reader) -> Variable | None:
+    """Return a context-variable."""
+    type_read = read_type(reader, reader.node)
+    variable = Variable(
+        name=reader.subject.name,
+        type=type_read or ValueType(kind=Kind.BOOL),
+        place=reader.place,
+        label=reader.text("label", reader.subject.name),
+        description=reader.text("description", ""),
+        sources=reader.references("source"),
+        valid_for_s=reader.duration_s("valid_for", FOREVER_S, most="forever"),
+        states_validity="valid_for" in reader.node.entries,
+        when_unobservable=reader.choice("when_unobservable", WhenUnobservable.KEEP),
+        refresh=reader.choice("refresh", Refresh.PERIODIC),
+        history=reader.number("history", 100),
+        node=reader.text("of", "context"),
+        places=reader.places(),
+    )
+    return None if reader.damaged else variable
+
+
+def build_algorithm(reader: Reader) -> Algorithm | None:
+    """Return a perception algorithm."""
+    algorithm = Algorithm(
+        name=reader.subject.name,
+        place=reader.place,
+        call=_read_call(reader),
+        parameters=tuple(_read_parameters(reader)),
+        uses=tuple(_read_uses(reader)),
+        given=reader.references("given"),
+        returns=tuple(_read_returns(reader)),
+        observable_when=read_conditions(reader, "observable_when"),
+        accept_when=read_conditions(reader, "accept_when"),
+        identifies=tuple(_read_identifies(reader)),
+        timeout_s=reader.duration_s("timeout", 5.0),
+        min_interval_s=reader.duration_s("min_interval", 0.0, least="zero"),
+        isolate=reader.choice("isolate", Isolation.THREAD),
+        rank=reader.number("rank", 1),
+        places=reader.places(_places_of_parameters(reader)),
+    )
+    return None if reader.damaged else algorithm
+
+
+def build_skill(reader: Reader) -> Skill | None:
+    """Return a skill."""
+    skill = Skill(
+        name=reader.subject.name,
+        place=reader.place,
+        preview=reader.references("preview"),
+        monitor=tuple(_read_monitor(reader)),
+        changes=reader.references("changes"),
+        places=reader.places(),
+    )
+    return None if reader.damaged else skill
+
+
+def build_observer(reader: Reader) -> ObserverSetting | None:
+    """Return what is set for an observer."""
+    observer = ObserverSetting(
+        name=reader.subject.name,
+        place=reader.place,
+        identifies=reader.references("identifies"),
+        period_s=reader.duration_s("period", 1.0),
+        priority=reader.number("priority", 0),
+        places=reader.places(),
+    )
+    return None if reader.damaged else observer
+
+
+def build_resource(reader: Reader) -> Resource | None:
+    """Return a resource."""
+    slots = reader.number("slots", 0)
+    return None if reader.damaged else Resource(name=reader.subject.name, place=reader.place, slots=slots or None)
+
+
+def build_agent(reader: Reader) -> Agent | None:
+    """Return an agent."""
+    return None if reader.damaged else Agent(name=reader.subject.name, place=reader.place)
+
+
+def _read_call(reader: Reader) -> str:
+    node = reader.scalar("call")
+    if node is None:
+        return ""
+    if not _CALL.fullmatch(node.text) or any(keyword.iskeyword(word) for word in re.split(r"[.:]", node.text)):
+        reader.fail("call", f"{shown(node.text)} is no function of a module", node, _call_help(node.text), "call")
+    return node.text
+
+
+def _call_help(text: str) -> str:
+    reserved = next((word for word in re.split(r"[.:]", text) if keyword.iskeyword(word)), None)
+    if reserved is not None:
+        return f"{shown(reserved)} is a keyword of Python: nothing there can have that name"
+    better = text.removesuffix("()").replace("/", ".").replace(".py:", ":")
+    if ":" not in better:
+        better = ":".join(better.rsplit(".", 1))
+    return f"did you mean {shown(better)}?" if _CALL.fullmatch(better) else "write package.module:function"
+
+
+def _read_parameters(reader: Reader) -> Iterable[tuple[str, Literal]]:
+    for key, value in entries(reader.node.value("with")):
+        if check_name(key, "an argument", reader.subject, reader.findings, "with", key.text):
+            yield key.text, read_literal(reader, value, "with", key.text)
+        else:
+            reader.damaged = True
+
+
+def _places_of_parameters(reader: Reader) -> Iterable[tuple[str, tuple[int, int]]]:
+    for key, _ in entries(reader.node.value("with")):
+        yield f"with.{key.text}", (key.start, key.end)
+
+
+def _read_uses(reader: Reader) -> Iterable[Usage]:
+    for key, value in entries(reader.node.value("uses")):
+        if isinstance(value, ScalarNode) and not value.reported:
+            place = reader.origin.of(value)
+            yield Usage(resource=reader.reference(key), access=Access(value.text), place=place)
+        else:
+            reader.damaged = True
+
+
+def _read_returns(reader: Reader) -> Iterable[Returned]:
+    taken: dict[str, str] = {}
+    for key, node in entries(reader.node.value("returns")):
+        if not isinstance(node, MappingNode):
+            continue
+        if not check_name(key, "a returned value", reader.subject, reader.findings, "returns"):
+            reader.damaged = True
+            continue
+        first = taken.setdefault(key.text.casefold(), key.text)
+        if first != key.text:
+            message = f"the returned values {shown(first)} and {shown(key.text)} differ only in case"
+            reader.fail("duplicate-name", message, key, "rename one of them", "returns", key.text)
+        type_read = read_type(reader, node, "returns", key.text)
+        optional = node.value("optional")
+        if type_read is not None and (optional is None or isinstance(optional, ScalarNode)):
+            is_optional = optional is not None and optional.data is True
+            yield Returned(name=key.text, type=type_read, optional=is_optional, place=reader.origin.of(key))
+
+
+def _read_identifies(reader: Reader) -> Iterable[Identification]:
+    for key, node in entries(reader.node.value("identifies")):
+        steps = ("identifies", key.text)
+        yield Identification(variable=reader.reference(key), by=_read_identification(reader, node, *steps))
+
+
+def _read_identification(reader: Reader, node: YamlNode, *steps: str) -> Condition | Members | Hysteresis:
+    if not isinstance(node, MappingNode):
+        return read_condition(reader, node, *steps)
+    place = reader.origin.of(node)
+    if not {"enter", "leave", "confirm"} & node.entries.keys():
+        cases = tuple(
+            (reader.reference(key), read_condition(reader, value, *steps, key.text)) for key, value in entries(node)
+        )
+        return Members(cases=cases, place=place)
+    enter, leave = node.value("enter"), node.value("leave")
+    reader.damaged = reader.damaged or enter is None
+    return Hysteresis(
+        enter=Condition(text="", tree=None, place=place) if enter is None else read_condition(reader, enter, *steps),
+        leave=None if leave is None else read_condition(reader, leave, *steps),
+        confirm=_read_confirm(reader, node.value("confirm"), *steps, "confirm"),
+        place=place,
+    )
+
+
+def _read_confirm(reader: Reader, node: YamlNode | None, *steps: str) -> tuple[int, int] | None:
+    if not isinstance(node, ScalarNode) or node.reported:
+        return None
+    match = _CONFIRM.fullmatch(node.text)
+    wanted, of = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= wanted <= of <= MAX_CONFIRMED:
+        message = f"{shown(node.text)} does not say how many results must agree"
+        way_out = f"write for example 2 of 3; at most {MAX_CONFIRMED} results are looked at"
+        reader.fail("confirm", message, node, way_out, *steps)
+        return None
+    return wanted, of
+
+
+def _read_monitor(reader: Reader) -> Iterable[Expectation]:
+    for index, item in whole_items(reader, "monitor"):
+        expectation = read_expectation(reader, item, index) if isinstance(item, ScalarNode) else None
+        if expectation is not None:
+            yield expectation

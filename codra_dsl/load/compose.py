@@ -1,0 +1,313 @@
+"""YAML events -> nodes with positions. The only place that runs a YAML parser; it never builds objects that YAML names.
+
+Whatever this language leaves out of YAML (tags, anchors, merge keys, directives, further documents) is refused here,
+and whatever could exhaust time or memory is stopped here, before anything is built.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import yaml
+
+from codra_dsl.diagnostics import Related
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.findings import Findings
+from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.load.scalars import SPECIAL_FIRST, resolve
+from codra_dsl.load.source import Source
+from codra_dsl.load.syntax import explain
+from codra_dsl.load.traps import read_as_block, read_as_tag
+
+Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""Makes events of a text; slower where PyYAML was built without libyaml, but the same."""
+
+MAX_DEPTH = 64
+MAX_NODES = 1_500_000
+MAX_TEXT = 64 * 1024
+"""The longest scalar, in code points."""
+
+MAX_REPAIRS = 50
+_MAX_REPARSED = 8_000_000
+
+CONDITION_KEYS = frozenset({"observable_when", "accept_when", "identifies", "monitor"})
+
+_STYLES = {"": Style.PLAIN, None: Style.PLAIN} | {style.value: style for style in Style}
+
+
+_NOWHERE = ScalarNode("", None, 0, 0, Style.PLAIN)
+"""Stands for a key whose value is read but kept nowhere."""
+
+_HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_PROPERTIES = re.compile(r"(?:[!&]\S*(?:\s+|$))*")
+
+
+class _StopError(Exception):
+    """Ends the reading of a file of which nothing sensible can be read any more."""
+
+
+def compose(source: Source, findings: Findings) -> YamlNode | None:
+    """Return a file's document as nodes, or None where it is no YAML, exceeds a limit, or is empty.
+
+    Where a trap for conditions makes the file unreadable, what is caught in it is blotted out and the rest is read.
+    """
+    blots: dict[int, int] = {}
+    text = source.text
+    for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(text))))):
+        found = Findings()
+        try:
+            root = _Composer(source, text, found, blots).document()
+        except _StopError:
+            findings.extend(found)
+            return None
+        except yaml.YAMLError as error:
+            problem = explain(text, error)
+            place = source.place(problem.start, problem.end)
+            findings.add(problem.rule, problem.message, place, help=problem.help)
+            if problem.blot is None:
+                return None
+            start, end = problem.blot
+            blots[start] = end
+            text = text[:start] + "x" * (end - start) + text[end:]
+        else:
+            findings.extend(found)
+            return root
+    return None
+
+
+class _Composer:
+    """Puts nodes together from the events of one text.
+
+    Events are `Any`: the stubs say that their marks may be None, which those of a parser never are.
+
+    Attributes:
+        _current: the collection that is being read; `_key` the key in it that waits for its value.
+        _parents: the collections around it, each with the key that waits when the inner one is closed.
+        _again: the section that a second key of the same name goes on with.
+    """
+
+    def __init__(self, source: Source, text: str, findings: Findings, blots: dict[int, int]) -> None:
+        self._source = source
+        self._text = text
+        self._findings = findings
+        self._blots = blots
+        self._root: YamlNode | None = None
+        self._parents: list[tuple[MappingNode | SequenceNode | None, ScalarNode | None]] = []
+        self._current: MappingNode | SequenceNode | None = None
+        self._key: ScalarNode | None = None
+        self._again: MappingNode | None = None
+        self._left = MAX_NODES
+        self._last_end = 0
+        self._documents = 0
+        self._anchors: set[str] = set()
+
+    def document(self) -> YamlNode | None:
+        """Return the root of the first document."""
+        handlers: dict[type, Callable[[Any], None]] = {
+            yaml.ScalarEvent: self._scalar,
+            yaml.MappingStartEvent: self._open_mapping,
+            yaml.SequenceStartEvent: self._open_sequence,
+            yaml.MappingEndEvent: self._close,
+            yaml.SequenceEndEvent: self._close,
+            yaml.AliasEvent: self._alias,
+            yaml.DocumentStartEvent: self._begin,
+        }
+        parser = Parser(self._text)
+        try:
+            next_event = parser.get_event
+            while self._documents < 2 and (event := next_event()) is not None:
+                handler = handlers.get(type(event))
+                if handler is not None:
+                    handler(event)
+        finally:
+            parser.dispose()
+        return self._root
+
+    def _begin(self, event: Any) -> None:
+        self._documents += 1
+        start, end = event.start_mark.index, event.end_mark.index
+        if self._documents == 2:
+            way_out = "make a file of each document; parts are shared with the key 'include'"
+            self._report("second-document", "a second document begins here", start, end, way_out)
+        elif event.version or event.tags:
+            line = self._source.line_end(start)
+            self._report("directive", "directives are not part of this language", start, line, "remove this line")
+
+    def _scalar(self, event: Any) -> None:
+        text = event.value
+        style = _STYLES[event.style]
+        node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, style)
+        if event.tag is not None or event.anchor is not None:
+            self._properties(event, node)
+        if style is Style.PLAIN:
+            if not text or text[0] in SPECIAL_FIRST:
+                self._resolve(node)
+        elif style is not Style.SINGLE_QUOTED:
+            self._examine(node)
+        if len(text) > MAX_TEXT:
+            self._too_long(node)
+        if self._blots and node.start in self._blots:
+            node.reported = True
+        self._last_end = node.end
+        mapping = self._current
+        if self._key is not None or type(mapping) is not MappingNode:
+            self._attach(node)
+        elif text in mapping.entries or text == "<<":
+            self._refuse_key(node, mapping)
+        else:
+            self._key = node
+
+    def _too_long(self, node: ScalarNode) -> None:
+        node.reported = True
+        message = f"a text of {len(node.text)} characters is too long"
+        self._report("text-too-long", message, node.start, node.start + 1, f"at most {MAX_TEXT} are allowed")
+
+    def _refuse_key(self, node: ScalarNode, mapping: MappingNode) -> None:
+        """Report a key that stands twice, and YAML's merge key."""
+        self._key = node
+        if node.text in mapping.entries:
+            self._key = _NOWHERE
+            first, value = mapping.entries[node.text]
+            self._again = value if len(self._parents) == 1 and type(value) is MappingNode else None
+            related = Related("first stands here", self._source.place(first.start, first.end))
+            way_out = "remove one of them or join them"
+            self._report("duplicate-key", f"the key {shown(node.text)} stands twice", *_range(node), way_out, related)
+        elif node.text == "<<" and node.style is Style.PLAIN:
+            self._key = _NOWHERE
+            mapping.reported = True
+            way_out = "write the keys out, or use a template"
+            self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), way_out)
+
+    def _attach(self, node: YamlNode) -> None:
+        self._left -= 1
+        if self._left < 0:
+            way_out = "split the file into parts, or use templates"
+            message = f"the file holds more than {MAX_NODES} values"
+            self._report("too-many-values", message, node.start, node.start + 1, way_out)
+            raise _StopError
+        container, key = self._current, self._key
+        self._again = None
+        if type(container) is MappingNode:
+            self._key = None
+            if key is not _NOWHERE and key is not None:
+                container.entries[key.text] = (key, node)
+                container.data[key.text] = node.data
+        elif type(container) is SequenceNode:
+            container.items.append(node)
+            container.data.append(node.data)
+        elif self._root is None:
+            self._root = node
+
+    def _open_mapping(self, event: Any) -> None:
+        self._open(event, MappingNode(event.start_mark.index, event.end_mark.index, flow=bool(event.flow_style)))
+
+    def _open_sequence(self, event: Any) -> None:
+        self._open(event, SequenceNode(event.start_mark.index, event.end_mark.index, flow=bool(event.flow_style)))
+
+    def _open(self, event: Any, node: MappingNode | SequenceNode) -> None:
+        if event.tag is not None or event.anchor is not None:
+            self._properties(event, node)
+        if len(self._parents) == MAX_DEPTH:
+            message = f"values are nested more than {MAX_DEPTH} deep"
+            self._report("nested-too-deeply", message, node.start, node.start + 1, "no part of a spec needs that")
+            raise _StopError
+        waiting = None
+        if self._key is None and type(self._current) is MappingNode:
+            if all(around is not _NOWHERE for _, around in self._parents):
+                way_out = "write a plain text before the ':'"
+                self._report("key-not-text", "a key must be a text", node.start, node.start + 1, way_out)
+            waiting = _NOWHERE
+        again = self._again if type(node) is MappingNode else None
+        if waiting is None:
+            self._attach(node)
+        self._parents.append((self._current, waiting))
+        self._current, self._key = again or node, None
+
+    def _close(self, event: Any) -> None:
+        closed = self._current
+        assert closed is not None
+        bracketed = closed.flow and self._text.startswith(("[", "{"), closed.start)
+        closed.end = event.end_mark.index if bracketed else max(closed.start, self._last_end)
+        self._last_end = closed.end
+        self._current, self._key = self._parents.pop()
+
+    def _alias(self, event: Any) -> None:
+        node = ScalarNode("", None, event.start_mark.index, event.end_mark.index, Style.PLAIN)
+        node.reported = True
+        self._last_end = node.end
+        if event.anchor not in self._anchors:
+            self._refuse_anchor(f"the alias '*{event.anchor}'", event.anchor, *_range(node))
+        if self._key is None and type(self._current) is MappingNode:
+            self._key = _NOWHERE
+        else:
+            self._attach(node)
+
+    def _properties(self, event: Any, node: YamlNode) -> None:
+        """Refuse a node's tag and anchor, and let it begin after them."""
+        start = node.start
+        written = _PROPERTIES.match(self._text, start)
+        node.start = min(node.end, written.end()) if written else start
+        for word in re.finditer(r"\S+", self._text[start : node.start]):
+            first, last = start + word.start(), start + word.end()
+            if word[0].startswith("&"):
+                self._refuse_anchor(f"the anchor '{word[0]}'", event.anchor or "", first, last)
+            else:
+                node.reported = True
+                self._refuse_tag(word[0], first, last, node)
+
+    def _refuse_anchor(self, what: str, name: str, start: int, end: int) -> None:
+        self._anchors.add(name)
+        way_out = "to say something twice, write a template and use it twice"
+        self._report("anchor", f"{what} is not part of this language", start, end, way_out)
+
+    def _refuse_tag(self, tag: str, start: int, end: int, node: YamlNode) -> None:
+        if not tag.startswith("!!") and self._in_condition():
+            rest = f" {node.text}" if isinstance(node, ScalarNode) and node.text else ""
+            trap = read_as_tag(tag, rest)
+            self._report(trap.rule, trap.message, start, end, trap.help)
+            return
+        way_out = "name the part under 'include'" if tag == "!include" else "remove it; quote what is a text"
+        self._report("tag", f"the tag {shown(tag)} is not part of this language", start, end, way_out)
+
+    def _resolve(self, node: ScalarNode) -> None:
+        try:
+            node.data = resolve(node.text)
+        except OverflowError:
+            node.reported = True
+            message = f"the number {shown(node.text)} is too large"
+            way_out = "numbers are finite and at most 1e100; quote it if it is text"
+            self._report("number-out-of-range", message, *_range(node), way_out)
+
+    def _examine(self, node: ScalarNode) -> None:
+        """Look at a scalar in double quotes, which may hold escapes, or in block form, which may be a trap."""
+        if node.style is not Style.DOUBLE_QUOTED:
+            while node.end > node.start and self._text[node.end - 1] in " \t\r\n":
+                node.end -= 1
+            head = self._text[node.start : node.start + 2]
+            if head[1:].isdigit() and self._in_condition():
+                node.reported = True
+                trap = read_as_block(head)
+                self._report(trap.rule, trap.message, node.start, node.start + len(head), trap.help)
+        elif hidden := _HIDDEN.search(node.text):
+            node.reported = True
+            message = f"the text holds the control character U+{ord(hidden[0]):04X}"
+            self._report("control-character", message, *_range(node), "remove its escape")
+
+    def _in_condition(self) -> bool:
+        return any(key in CONDITION_KEYS for key in self._keys_around())
+
+    def _keys_around(self) -> Iterator[str]:
+        if self._key is not None:
+            yield self._key.text
+        for collection, _ in self._parents:
+            if type(collection) is MappingNode and collection.entries:
+                yield next(reversed(collection.entries))
+
+    def _report(self, rule: str, message: str, start: int, end: int, way_out: str, *related: Related) -> None:
+        self._findings.add(rule, message, self._source.place(start, end), help=way_out, related=related)
+
+
+def _range(node: YamlNode) -> tuple[int, int]:
+    return node.start, node.end

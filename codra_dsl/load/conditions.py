@@ -1,0 +1,137 @@
+"""Conditions: parsed, with the place of every letter, and the traps that show only when one cannot be parsed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+
+from codra_dsl.expression import Node, SyntaxProblem, names_in, parse
+from codra_dsl.load.letters import cut, letters_of
+from codra_dsl.load.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.load.reader import Reader, Suspect
+from codra_dsl.load.traps import Openings, cut_off_by_comment, torn_at_comma
+from codra_dsl.model import Condition
+from codra_dsl.model import Letters as PlacedLetters
+
+MAX_PIECES = 50
+"""The most pieces that a condition is put together from again."""
+
+MAX_REMEMBERED = 200
+"""The longest condition, in code points, whose tree is remembered."""
+
+_MAY_OPEN = re.compile(r"[(\"']")
+_COMMENT = re.compile(r"[ \t]+#([^\r\n]*)")
+
+
+def read_conditions(reader: Reader, key: str) -> tuple[Condition, ...]:
+    """Return the conditions in a list."""
+    return tuple(read_condition(reader, item, key, str(index)) for index, item in whole_items(reader, key))
+
+
+def whole_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
+    """Yield index and node of the items in a list, but those that commas tore apart, which are reported instead."""
+    node = reader.node.value(key)
+    skip_until = 0
+    for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
+        if index < skip_until or not isinstance(node, SequenceNode):
+            continue
+        torn_until = _torn_until(node, index)
+        if torn_until is None:
+            yield index, item
+            continue
+        skip_until = torn_until
+        end = node.items[torn_until - 1].end
+        trap = torn_at_comma(reader.origin.source.text[item.start : end])
+        place = reader.origin.place(item.start, end)
+        reader.fail(trap.rule, trap.message, place, trap.help, key, str(index))
+
+
+def read_condition(reader: Reader, node: YamlNode, *steps: str) -> Condition:
+    """Return one condition; its tree is None, and a finding says why, where it does not parse."""
+    condition = parsed(reader, node, *condition_text(reader, node))
+    if condition.tree is not None:
+        _note_comment(reader, node, condition, steps)
+    elif not node.reported:
+        report_syntax(reader, node, condition, steps)
+    return condition
+
+
+def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
+    """Return the text of a scalar on one line without blanks around it, and where its letters stand."""
+    if not isinstance(node, ScalarNode):
+        return "", ()
+    letters = letters_of(node, reader.origin.source.text)
+    text = node.text
+    if node.style is Style.PLAIN and node.filled is None:
+        return text, letters
+    stripped = text.strip()
+    before = len(text) - len(text.lstrip())
+    return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
+
+
+def parsed(reader: Reader, node: YamlNode, text: str, letters: Letters) -> Condition:
+    """Return a condition with its tree, or without one where it does not parse or a finding stands already."""
+    place = reader.origin.of(node)
+    tree = None if node.reported else _tree(text)
+    reader.damaged = reader.damaged or not isinstance(tree, Node)
+    placed = PlacedLetters(reader.origin.place, letters) if letters else None
+    return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed)
+
+
+def _tree(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition; short ones are remembered, for many are alike."""
+    return _remembered(text) if len(text) <= MAX_REMEMBERED else parse(text)
+
+
+_remembered = lru_cache(maxsize=4096)(parse)
+
+
+def _torn_until(sequence: SequenceNode, index: int) -> int | None:
+    """Return the index after the pieces that commas tore an item into, or None if it is whole."""
+    first = sequence.items[index]
+    if not sequence.flow or not isinstance(first, ScalarNode) or first.style is not Style.PLAIN:
+        return None
+    if not _MAY_OPEN.search(first.text):
+        return None
+    opened = Openings(first.text)
+    if not opened.are_left:
+        return None
+    for after, piece in enumerate(sequence.items[index + 1 : index + MAX_PIECES], start=index + 2):
+        if not isinstance(piece, ScalarNode):
+            return None
+        opened.read(f", {piece.text}")
+        if not opened.are_left:
+            return after
+    return None
+
+
+def report_syntax(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+    """Report why a condition does not parse."""
+    problem, path = parse(condition.text), reader.subject.part(*steps)
+    comment = _comment_after(reader, node)
+    if comment is not None:
+        trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
+        reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path)
+    elif isinstance(problem, SyntaxProblem):
+        place = condition.place_between(problem.start, problem.end)
+        reader.findings.add("condition-syntax", problem.message, place, help=problem.help, path=path)
+
+
+def _note_comment(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+    comment = _comment_after(reader, node)
+    tree = parse(comment.strip()) if comment is not None else None
+    names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()
+    if comment is not None and names:
+        written = f"{condition.text} #{comment.rstrip()}"
+        reader.suspects.append(Suspect(condition.place, written, names, reader.subject.part(*steps)))
+
+
+def _comment_after(reader: Reader, node: YamlNode) -> str | None:
+    """Return the comment that follows a plain scalar on its line."""
+    text = reader.origin.source.text
+    plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
+    if not plain or text[node.end : node.end + 1] not in (" ", "\t"):
+        return None
+    comment = _COMMENT.match(text, node.end)
+    return None if comment is None else comment[1]

@@ -1,0 +1,92 @@
+"""Where an element comes from, and how findings name it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from codra_dsl.diagnostics import Place, Span
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.nodes import ScalarNode, YamlNode, visible_range
+from codra_dsl.load.source import Source
+
+NOUNS = {
+    "context": "context-variable",
+    "perception": "perception algorithm",
+    "skills": "skill",
+    "observers": "observer",
+    "resources": "resource",
+    "agents": "agent",
+    "templates": "template",
+    "use": "use",
+}
+"""What an entry of each section is called."""
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A file, or one use of a template that stands in it.
+
+    Attributes:
+        use: the name of the use in the file that holds it; None outside templates.
+        template: the template's name; empty outside templates.
+        module: the generated module that the elements go to.
+    """
+
+    source: Source
+    use: Span | None = None
+    template: str = ""
+    module: str = ""
+
+    def place(self, start: int, end: int) -> Place:
+        """Return the place of a range of the file's text."""
+        return Place(self.source.span(start, end), self.use)
+
+    def of(self, node: YamlNode) -> Place:
+        """Return the place of a node."""
+        return Place(self.source.span(node.start, node.end), self.use)
+
+    def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
+        """Return the place of a value, or of its key where the value is long."""
+        return self.place(*visible_range(key, value))
+
+    def written(self, node: YamlNode) -> str:
+        """Return a node as it stands in the file."""
+        return self.source.text[node.start : node.end]
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The element that a finding is about.
+
+    Attributes:
+        section: the section that it stands in, or `spec` or `part` for a whole file.
+        key: its name in the file; findings about what is missing stand there.
+        origin: where it comes from.
+    """
+
+    section: str
+    key: ScalarNode
+    origin: Origin
+
+    @property
+    def name(self) -> str:
+        """Return the name, parameters put in."""
+        return self.key.text
+
+    @property
+    def path(self) -> str:
+        """Return the way to it: sections and names joined by dots."""
+        if self.section in ("spec", "part"):
+            return ""
+        around = f"templates.{self.origin.template}." if self.origin.template else ""
+        return f"{around}{self.section}.{self.key.written}"
+
+    def part(self, *steps: str | int) -> str:
+        """Return the way to something in it."""
+        return ".".join([*filter(None, [self.path]), *map(str, steps)])
+
+    def __str__(self) -> str:
+        """Return noun and name as in messages: `skill 'open_door'`; in a template with its parameters."""
+        if self.section == "part":
+            return "this part"
+        return f"{NOUNS.get(self.section, self.section)} {shown(self.key.written)}"

@@ -1,0 +1,127 @@
+"""Reads the keys of one element, whose shape is known to be right, and remembers whether all of it could be read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from enum import StrEnum
+from functools import lru_cache
+from typing import NamedTuple, TypeVar
+
+from codra_dsl.diagnostics import Place
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.findings import Findings
+from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode, visible_range
+from codra_dsl.load.origin import Subject
+from codra_dsl.model import Places, Reference
+from codra_dsl.units import duration_help, parse_duration
+
+_duration = lru_cache(maxsize=1024)(parse_duration)
+
+Choice = TypeVar("Choice", bound=StrEnum)
+
+
+class Suspect(NamedTuple):
+    """A condition with a comment after it that reads like a condition: perhaps it was meant to be part of it."""
+
+    place: Place
+    written: str
+    names: frozenset[str]
+    path: str
+
+
+class Reader:
+    """One element and what was found in it.
+
+    Attributes:
+        damaged: whether something in it could not be read, so that the element must be left out.
+        suspects: comments that may have been meant as conditions.
+    """
+
+    def __init__(self, subject: Subject, node: MappingNode, findings: Findings) -> None:
+        self.subject = subject
+        self.node = node
+        self.findings = findings
+        self.origin = subject.origin
+        self.damaged = False
+        self.suspects: list[Suspect] = []
+
+    @property
+    def place(self) -> Place:
+        """The place of the element's name."""
+        return self.origin.of(self.subject.key)
+
+    def fail(self, rule: str, message: str, where: YamlNode | Place, way_out: str, *steps: str) -> None:
+        """Report what is wrong at a place in the element, which is damaged by it."""
+        self.damaged = True
+        if isinstance(where, Place):
+            self.findings.add(rule, message, where, help=way_out, path=self.subject.part(*steps))
+        elif not where.reported:
+            self.findings.add(rule, message, self.origin.of(where), help=way_out, path=self.subject.part(*steps))
+
+    def scalar(self, key: str) -> ScalarNode | None:
+        """Return the scalar of a key, or None if it is absent or spoiled."""
+        node = self.node.value(key)
+        if node is None:
+            return None
+        if node.reported or not isinstance(node, ScalarNode):
+            self.damaged = True
+            return None
+        return node
+
+    def text(self, key: str, default: str) -> str:
+        """Return a text."""
+        node = self.scalar(key)
+        return default if node is None else node.text
+
+    def number(self, key: str, default: int) -> int:
+        """Return a whole number."""
+        node = self.scalar(key)
+        return int(node.data) if node is not None and isinstance(node.data, (int, float)) else default
+
+    def choice(self, key: str, default: Choice) -> Choice:
+        """Return the member of an enumeration that a word names."""
+        node = self.scalar(key)
+        known = node is not None and node.text in type(default).__members__.values()
+        return type(default)(node.text) if node is not None and known else default
+
+    def duration_s(self, key: str, default: float, *, least: str = "positive", most: str = "finite") -> float:
+        """Return a duration in seconds: `least` is "zero" or "positive", `most` is "finite" or "forever"."""
+        node = self.scalar(key)
+        if node is None:
+            return default
+        duration = _duration(node.text)
+        if duration is None or (duration == math.inf and most == "finite"):
+            message = f"{shown(key)} in {self.subject} must be a duration, not {shown(node.text)}"
+            way_out = duration_help(node.text) if duration is None else "give a number with ms, s, min or h"
+        elif duration < 0 or (duration == 0 and least == "positive"):
+            message = f"{shown(key)} in {self.subject} is too short"
+            way_out = "write a duration above 0 s" if least == "positive" else "write 0 s or more"
+        else:
+            return duration
+        self.fail("duration", message, node, way_out, key)
+        return default
+
+    def references(self, key: str) -> tuple[Reference, ...]:
+        """Return the names in a list, or the one name that stands in its place."""
+        node = self.node.value(key)
+        if isinstance(node, SequenceNode):
+            return tuple(self.reference(item) for item in node.items if isinstance(item, ScalarNode))
+        return (self.reference(node),) if isinstance(node, ScalarNode) else ()
+
+    def reference(self, node: ScalarNode) -> Reference:
+        """Return a name that points elsewhere."""
+        self.damaged = self.damaged or node.reported
+        return Reference(name=node.text, place=self.origin.of(node))
+
+    def places(self, more: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:
+        """Return the places of name, keys and values, and of some more."""
+        ranges = {key: visible_range(key_node, value) for key, (key_node, value) in self.node.entries.items()}
+        ranges["name"] = (self.subject.key.start, self.subject.key.end)
+        ranges.update(more)
+        return Places(self.origin.place, ranges)
+
+
+def entries(node: YamlNode | None) -> Iterable[tuple[ScalarNode, YamlNode]]:
+    """Return the entries of a mapping; none where there is no mapping."""
+    return node.entries.values() if isinstance(node, MappingNode) else ()

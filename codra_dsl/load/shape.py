@@ -1,0 +1,423 @@
+"""Whether an element has the shape that `schema.json` gives it, and what is wrong where it has not.
+
+`jsonschema_rs` accepts what is right, in next to no time; only what it refuses is looked at by `jsonschema`, whose
+errors are turned into one finding per root cause.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import jsonschema_rs
+
+from codra_dsl.diagnostics import Place
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.findings import Findings
+from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
+from codra_dsl.load.origin import Subject
+from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
+
+if TYPE_CHECKING:
+    from jsonschema.exceptions import ValidationError
+
+WHOLE_FILE = ""
+"""The definition of a whole file."""
+
+SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
+
+_OTHER_NAMES = {
+    "boolean": "bool",
+    "integer": "int",
+    "number": "float",
+    "double": "float",
+    "real": "float",
+    "string": "str",
+    "text": "str",
+    "enumeration": "enum",
+}
+
+
+@cache
+def schema() -> dict[str, Any]:
+    """Return the published schema."""
+    loaded: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+    return loaded
+
+
+def sound(definition: str, data: object) -> bool:
+    """Return whether data have the shape of a definition of the schema."""
+    return _acceptor(definition).is_valid(data)
+
+
+def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> None:
+    """Report why an element has not the shape of a definition: one finding per root cause.
+
+    So that the rest can be read as it was meant, misspelt keys are put right in the nodes, unknown ones are left out,
+    and values that a finding is about are marked as reported.
+    """
+    explanation = _Explanation(subject, node, findings)
+    for mapping, meant in explanation.unknown_keys(_errors(definition, node.data, ())):
+        _rename(mapping, meant)
+    explanation.report(tuple(_errors(definition, node.data, ())))
+
+
+def explain_outline(definition: str, root: MappingNode, subject: Subject, findings: Findings) -> None:
+    """Report what is wrong with the keys of a file or template, without looking into its sections.
+
+    Misspelt keys are put right in the nodes; unknown ones stay.
+    """
+    if sound(definition, _outline(root)):
+        return
+    explanation = _Explanation(subject, root, findings)
+    for mapping, meant in explanation.unknown_keys(_errors(definition, _outline(root), ())):
+        _rename(mapping, {key: near or key for key, near in meant.items()})
+    errors = _errors(definition, _outline(root), ())
+    explanation.report(tuple(error for error in errors if error.path or error.keyword != "required"))
+
+
+def _outline(root: MappingNode) -> dict[str, object]:
+    return {
+        key: {} if isinstance(value, MappingNode) and key != "parameters" else value.data
+        for key, (_, value) in root.entries.items()
+    }
+
+
+def _rename(mapping: MappingNode, meant: Mapping[str, str | None]) -> None:
+    """Put keys right that mean another; leave out those that mean none."""
+    entries = list(mapping.entries.items())
+    mapping.entries.clear()
+    mapping.data.clear()
+    for key, (key_node, value) in entries:
+        name = meant.get(key, key)
+        if name is None:
+            continue
+        if name != key:
+            key_node = ScalarNode(name, name, key_node.start, key_node.end, key_node.style)  # noqa: PLW2901
+        mapping.put(key_node, value)
+
+
+@cache
+def _acceptor(definition: str) -> jsonschema_rs.Draft202012Validator:
+    return jsonschema_rs.Draft202012Validator(_definition(definition))
+
+
+@cache
+def _explainer(definition: str) -> Any:
+    from jsonschema import Draft202012Validator  # noqa: PLC0415  slow to import; a sound spec never needs it
+
+    return Draft202012Validator(_definition(definition))
+
+
+def _definition(name: str) -> dict[str, Any]:
+    if name == WHOLE_FILE:
+        return schema()
+    return {"$ref": f"#/$defs/{name}", "$defs": schema()["$defs"]}
+
+
+@dataclass(frozen=True, slots=True)
+class _Error:
+    """An error of the schema: `path` leads from the element to what is wrong."""
+
+    path: tuple[str | int, ...]
+    keyword: str
+    limit: Any
+    schema: dict[str, Any]
+    data: Any
+
+
+def _errors(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[_Error]:
+    error: ValidationError
+    for error in _explainer(definition).iter_errors(data):
+        inner = (*path, *error.absolute_path)
+        schema_here = error.schema if isinstance(error.schema, dict) else {}
+        branch = _branch(schema_here.get("$anchor"), error.instance) if error.validator == "anyOf" else None
+        if branch is not None:
+            yield from _errors(branch, error.instance, inner)
+        else:
+            yield _Error(inner, str(error.validator), error.validator_value, schema_here, error.instance)
+
+
+def _branch(anchor: object, data: object) -> str | None:
+    """Return the definition that a value means which may have several forms."""
+    if anchor == "identification":
+        if not isinstance(data, dict):
+            return "condition"
+        return "hysteresis" if {"enter", "leave", "confirm"} & data.keys() else "cases"
+    if anchor == "parameter_declaration":
+        return "parameter_object" if isinstance(data, dict) else "parameter_type"
+    return None
+
+
+class _Explanation:
+    """Turns the errors of one element into findings."""
+
+    def __init__(self, subject: Subject, root: YamlNode, findings: Findings) -> None:
+        self._subject = subject
+        self._root = root
+        self._findings = findings
+        self._done: set[tuple[str | int, ...]] = set()
+
+    def unknown_keys(self, errors: Iterable[_Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
+        """Report unknown keys; return, for each mapping that has some, which known key each of them means."""
+        found = []
+        for error in errors:
+            mapping = self._node(error.path)
+            if error.keyword == "additionalProperties" and isinstance(mapping, MappingNode):
+                found.append((mapping, self._unknown(error, mapping)))
+        return found
+
+    def report(self, errors: Sequence[_Error]) -> None:
+        """Report the other errors."""
+        for error in errors:
+            if error.keyword == "required":
+                self._missing(error)
+        for error in errors:
+            if error.keyword in ("required", "additionalProperties"):
+                continue
+            if self._is_new(error.path):
+                self._value(error)
+            self._node(error.path).reported = True
+
+    def _is_new(self, path: tuple[str | int, ...]) -> bool:
+        """Return whether nothing has been said yet about a value or what holds it."""
+        nodes = list(self._along(path))
+        known = any(node.reported for node in nodes) or any(
+            path[:length] in self._done for length in range(len(path) + 1)
+        )
+        self._done.add(path)
+        return not known
+
+    def _along(self, path: Iterable[str | int]) -> Iterator[YamlNode]:
+        node: YamlNode | None = self._root
+        if node is not None:
+            yield node
+        for step in path:
+            if isinstance(node, MappingNode) and isinstance(step, str):
+                node = node.value(step)
+            elif isinstance(node, SequenceNode) and isinstance(step, int):
+                node = node.items[step]
+            if node is not None:
+                yield node
+
+    def _node(self, path: Iterable[str | int]) -> YamlNode:
+        *_, node = self._along(path)
+        return node
+
+    def _place(self, path: tuple[str | int, ...]) -> Place:
+        """Return the place of a value, or of the nearest key around it where the value is long or empty."""
+        origin = self._subject.origin
+        for length in range(len(path), 0, -1):
+            holder, node = self._node(path[: length - 1]), self._node(path[:length])
+            if isinstance(holder, MappingNode):
+                return origin.of_value(holder.entries[str(path[length - 1])][0], node)
+            if node.end > node.start:
+                return origin.of(node)
+        return origin.of_value(self._subject.key, self._root)
+
+    def _holder(self, path: tuple[str | int, ...]) -> str:
+        """Return what a mapping is called: the element itself, or a part of it that has a name."""
+        if not path:
+            return str(self._subject)
+        if len(path) == 2 and path[0] in ("returns", "parameters"):
+            noun = "returned value" if path[0] == "returns" else "parameter"
+            return f"{noun} {shown(str(path[1]))} of {self._subject}"
+        return f"{shown(str(path[-1]))} of {self._subject}"
+
+    def _named(self, path: tuple[str | int, ...]) -> str:
+        """Return what a value is called."""
+        if not path or (len(path) == 2 and path[0] in ("returns", "parameters")):
+            return self._holder(path)
+        if isinstance(path[-1], int):
+            return f"item {path[-1] + 1} of {self._named(path[:-1])}"
+        return f"{shown(path[-1])} in {self._holder(path[:-1])}"
+
+    def _unknown(self, error: _Error, mapping: MappingNode) -> dict[str, str | None]:
+        torn = self._torn(mapping)
+        known = error.schema["properties"]
+        free = {other: None for other in known if other not in mapping.entries}
+        meant: dict[str, str | None] = {}
+        for key, (key_node, _) in mapping.entries.items():
+            if key in known or key in torn:
+                continue
+            near = meant[key] = self._findings.nearest(key, free)
+            free.pop(near or "", None)
+            self._done.add((*error.path, near or key))
+            self._findings.add(
+                "unknown-key",
+                f"unknown key {shown(key_node.written)} in {self._holder(error.path)}",
+                self._subject.origin.of(key_node),
+                help=f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}",
+                path=self._subject.part(*error.path, key),
+            )
+        return meant
+
+    def _missing(self, error: _Error) -> None:
+        mapping = self._node(error.path)
+        if not isinstance(mapping, MappingNode) or mapping.reported:
+            return
+        for key in error.limit:
+            path = (*error.path, key)
+            if key in mapping.entries or path in self._done:
+                continue
+            self._done.add(path)
+            self._findings.add(
+                "missing-key",
+                f"{shown(key)} is missing in {self._holder(error.path)}",
+                self._place_of_name(error.path),
+                help=f"add it, for example {_example(key, self._subschema(error, key))}",
+                path=self._subject.part(*path),
+            )
+
+    def _subschema(self, error: _Error, key: str) -> dict[str, Any]:
+        """Return the schema of a missing key, which an `if` may demand far from where it is described."""
+        here = error.schema.get("properties", {}).get(key)
+        return _resolved(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+
+    def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
+        if not path:
+            return self._subject.origin.of(self._subject.key)
+        holder = self._node(path[:-1])
+        if isinstance(holder, MappingNode):
+            return self._subject.origin.of(holder.entries[str(path[-1])][0])
+        return self._place(path)
+
+    def _value(self, error: _Error) -> None:
+        if error.schema.get("$anchor") in ("condition", "expectation") and self._trapped(error):
+            return
+        path = error.path
+        if error.keyword == "uniqueItems":
+            path = (*path, _second(error.data))
+        rule, message, way_out = self._judged(error, self._node(path))
+        place = self._place_of_name(path) if rule == "misplaced-key" else self._place(path)
+        self._findings.add(rule, message, place, help=way_out, path=self._subject.part(*error.path))
+
+    def _judged(self, error: _Error, node: YamlNode) -> tuple[str, str, str]:
+        """Return rule, message and way out for a value that is wrong."""
+        named = self._named(error.path)
+        title = error.schema.get("title", "something else") if error.path else "a mapping"
+        example = f"for example {_example(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        if error.keyword == "not":
+            reason = error.schema["description"]
+            return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"
+        if error.keyword == "uniqueItems":
+            return "repeated-value", f"{_found(node)} stands twice in {named}", "remove one of them"
+        if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
+            message = f"{named} must be {title}, not {_found(node)}" if error.data else f"{named} is empty"
+            return "wrong-length", message, example
+        allowed = _allowed(error.schema)
+        if allowed and isinstance(error.data, str):
+            near = _OTHER_NAMES.get(error.data.casefold()) or self._findings.nearest(error.data, allowed)
+            way_out = f"did you mean '{near}'?" if near in allowed else f"allowed: {', '.join(allowed)}"
+            return "unknown-value", f"{named} cannot be {shown(error.data)}", way_out
+        if isinstance(node, ScalarNode) and not node.text:
+            return "wrong-type", f"{named} has no value; it must be {title}", example
+        return "wrong-type", f"{named} must be {title}, not {_found(node)}", example
+
+    def _trapped(self, error: _Error) -> bool:
+        """Report the trap that a condition has fallen into, if it is one."""
+        node = self._node(error.path)
+        holder = self._node(error.path[:-1])
+        if isinstance(holder, MappingNode) and error.path[-1] in self._torn(holder):
+            return True
+        trap = self._trap_of(node, str(error.schema["$anchor"]))
+        if trap is None:
+            return False
+        origin = self._subject.origin
+        path = self._subject.part(*error.path)
+        self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path)
+        return True
+
+    def _trap_of(self, node: YamlNode, wanted: str) -> Trap | None:
+        written = self._subject.origin.written(node)
+        if isinstance(node, ScalarNode):
+            literal = wanted == "condition" and node.data is not None
+            return read_as_literal(node.text, f"a {_kind(node.data)}") if literal else None
+        if written.startswith(("{", "[")):
+            return None
+        return torn_at_colon(written) if isinstance(node, MappingNode) else read_as_list(written)
+
+    def _torn(self, mapping: MappingNode) -> set[str]:
+        """Return the keys of a mapping in braces that a comma tore off a condition; report each tear once."""
+        torn: set[str] = set()
+        begun: ScalarNode | None = None
+        opened = Openings("")
+        for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
+            text = value.text if isinstance(value, ScalarNode) else ""
+            if begun is None:
+                opened = Openings(text)
+                begun = value if opened.are_left and isinstance(value, ScalarNode) else None
+                continue
+            torn.add(key)
+            opened.read(f", {key_node.text}")
+            if not opened.are_left:
+                self._report_tear(begun, max(key_node.end, value.end))
+                begun = None
+        return torn if begun is None else set()
+
+    def _report_tear(self, first: ScalarNode, end: int) -> None:
+        place = self._subject.origin.place(first.start, end)
+        trap = torn_at_comma(self._subject.origin.source.text[first.start : end])
+        if not first.reported:
+            self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part())
+        first.reported = True
+
+
+def _second(items: Sequence[object]) -> int:
+    """Return the index of the first item that stands in a list a second time."""
+    seen: set[str] = set()
+    for index, item in enumerate(items):
+        written = f"{type(item).__name__} {item}"
+        if written in seen:
+            return index
+        seen.add(written)
+    return 0
+
+
+def _allowed(schema_here: dict[str, Any]) -> list[str]:
+    """Return the words that a schema allows, if it is a choice among words."""
+    for form in (schema_here, *schema_here.get("anyOf", ())):
+        if "enum" in form:
+            return list(form["enum"])
+    return []
+
+
+def _resolved(part: dict[str, Any]) -> dict[str, Any]:
+    reference = part.get("$ref", "")
+    referred: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})
+    return referred | part
+
+
+def _example(key: str | int, schema_here: dict[str, Any]) -> str:
+    example = _literal(schema_here["examples"][0]) if "examples" in schema_here else "..."
+    return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
+
+
+def _literal(value: object) -> str:
+    """Return a value as YAML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_literal(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_literal, value)) + "]"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _found(node: YamlNode) -> str:
+    """Return what stands in the file, for a message."""
+    if isinstance(node, MappingNode):
+        return "a mapping" if node.entries else "an empty mapping"
+    if isinstance(node, SequenceNode):
+        return f"a list of {len(node.items)}" if len(node.items) != 0 else "an empty list"
+    if isinstance(node.data, str):
+        return f"the text {shown(node.text)}" if node.text else "an empty text"
+    return f"the {_kind(node.data)} {shown(node.text)}" if node.text else "nothing"
+
+
+def _kind(data: object) -> str:
+    if isinstance(data, bool):
+        return "truth value"
+    return "empty value" if data is None else "number"

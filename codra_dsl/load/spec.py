@@ -1,0 +1,170 @@
+"""A whole spec: its file, its parts, its uses, as one value."""
+
+from __future__ import annotations
+
+import gc
+import os
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from codra_dsl.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.document import SECTIONS, Document, read_document
+from codra_dsl.load.elements import Elements
+from codra_dsl.load.findings import Findings
+from codra_dsl.load.names import MAX_NAME, is_identifier
+from codra_dsl.load.nodes import ScalarNode
+from codra_dsl.load.origin import Origin
+from codra_dsl.load.parts import Parts
+from codra_dsl.load.reader import entries
+from codra_dsl.load.source import Source, accept, decode, file_place, read
+from codra_dsl.load.uses import Uses
+from codra_dsl.model import AnyName, Spec
+
+STANDARD_INPUT = "-"
+
+Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
+"""A spec and the findings about it, in file order; no spec where nothing sensible could be read."""
+
+
+def load_spec(path: Path, root: Path) -> Loaded:
+    """Return the spec in a file, with its parts.
+
+    `root` is the project's folder: findings name files relative to it, and parts must stand in it.
+    """
+    with _paused_collector():
+        findings = Findings()
+        file = _relative(path, root)
+        if file is None:
+            message = f"{shown(path.name)} stands outside of the project's folder {shown(root.name)}"
+            findings.add("outside-project", message, file_place(path.name), help="move it, or name another root")
+            return None, findings.all()
+        return _loaded(read(path, file, findings), path, root, findings)
+
+
+def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
+    """Return the spec in a text, with its parts; findings call the text `file`, `-` for standard input.
+
+    `root` is the project's folder; from `-`, parts are looked for there.
+    """
+    with _paused_collector():
+        findings = Findings()
+        source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
+        return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
+
+
+def _relative(path: Path, root: Path) -> str | None:
+    try:
+        return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
+    except ValueError:
+        pass
+    try:
+        return path.resolve().relative_to(root.resolve()).as_posix()
+    except (ValueError, OSError, RuntimeError):
+        return None
+
+
+@contextmanager
+def _paused_collector() -> Iterator[None]:
+    """Pause Python's cyclic garbage collector: while nodes are made, none of them is garbage.
+
+    What was made counts as old afterwards, so that the collector does not look through all of it at once.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            if gc.get_freeze_count() == 0:  # else it is the caller's business what is frozen
+                gc.freeze()
+                gc.unfreeze()
+            gc.enable()
+
+
+def _loaded(source: Source | None, path: Path, root: Path, findings: Findings) -> Loaded:
+    document = None if source is None else read_document(source, findings)
+    if document is None:
+        return None, _told(findings)
+    name = document.name
+    if name is None:
+        way_out = "name the spec that includes it, or give it a name"
+        message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
+        findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=way_out)
+    parts = Parts(root, findings)
+    parts.read_all(document, path.resolve())
+    spec = _spec(document, name, parts, findings)
+    return spec, _told(findings)
+
+
+def _told(findings: Findings) -> tuple[Diagnostic, ...]:
+    return in_file_order(once_per_template(findings.all()))
+
+
+def _spec(document: Document, name: ScalarNode | None, parts: Parts, findings: Findings) -> Spec | None:
+    lost = frozenset[str]().union(*(part.lost for part in parts.documents))
+    elements = Elements(findings)
+    uses = Uses(findings, blind=bool(lost) or not parts.complete)
+    modules = _modules(parts.documents)
+    for part in parts.documents:
+        uses.declare(part)
+    for part in parts.documents:
+        origin = Origin(part.origin.source, module=modules[part.origin.source.file])
+        for section in SECTIONS:
+            elements.add(section, part.root.value(section), origin)
+    uses.make(parts.documents, modules, elements)
+    uses.try_unused()
+    elements.report_comments()
+    if name is None:
+        return None
+    damaged = _damaged(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
+    if has_errors(findings.all()):
+        damaged["spec"] = frozenset({name.text})
+    built = {section: tuple(found.values()) for section, found in elements.built.items()}
+    return Spec(
+        name=name.text,
+        place=document.origin.of(name),
+        file=document.origin.source.file,
+        files=tuple(part.origin.source.file for part in parts.documents),
+        **built,
+        uses=tuple(uses.made),
+        origins=elements.origins,
+        damaged=damaged,
+    )
+
+
+def _damaged(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:
+    whole = frozenset(lost)
+    return {
+        section: AnyName(names) if section in whole else frozenset(names) for section, names in elements.damaged.items()
+    }
+
+
+def _modules(documents: Iterable[Document]) -> dict[str, str]:
+    """Return the module of each use, by instance, and of each file, by path.
+
+    They are identifiers, unique without regard to case. A use has its own name; a file has that of its stem, or of
+    its path where the stem is taken.
+    """
+    modules: dict[str, str] = {}
+    taken: set[str] = set()
+    for document in documents:
+        for key, _ in entries(document.section("use")):
+            modules.setdefault(key.text, key.text)
+            taken.add(key.text.casefold())
+    for document in documents:
+        path = Path(document.origin.source.file).with_suffix("")
+        wanted = [_identifier(path.name), _identifier("_".join(path.parts))]
+        numbered = (f"{wanted[0]}_{number}" for number in range(2, len(taken) + 3))
+        free = next(module for module in (*wanted, *numbered) if module.casefold() not in taken)
+        modules[document.origin.source.file] = free
+        taken.add(free.casefold())
+    return modules
+
+
+def _identifier(text: str) -> str:
+    """Return the identifier that a file's name makes: `standard input` for `-`."""
+    name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:MAX_NAME] or "spec"
+    return name if is_identifier(name) else f"spec_{name}"[:MAX_NAME]

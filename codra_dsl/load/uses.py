@@ -1,0 +1,132 @@
+"""Uses of templates: their arguments, and what they make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.arguments import Arguments, read_arguments
+from codra_dsl.load.document import Document
+from codra_dsl.load.elements import Elements, report_taken
+from codra_dsl.load.fill import Filler, example
+from codra_dsl.load.findings import Findings, listed
+from codra_dsl.load.names import check_name
+from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
+from codra_dsl.load.origin import Origin, Subject
+from codra_dsl.load.reader import entries
+from codra_dsl.load.shape import explain, sound
+from codra_dsl.load.templates import Template, declare
+from codra_dsl.model import Use
+
+MAX_FILLED = 1_500_000
+"""How many values all uses of a spec may make."""
+
+
+class Uses:
+    """The templates of a spec and their uses.
+
+    Attributes:
+        made: the uses that are right, in file order.
+        complete: whether it is known which names all uses make.
+    """
+
+    def __init__(self, findings: Findings, *, blind: bool) -> None:
+        """Begin; `blind` says that templates may be missing, since a part could not be read."""
+        self.made: list[Use] = []
+        self.complete = not blind
+        self._blind = blind
+        self._findings = findings
+        self._templates: dict[str, Template] = {}
+        self._taken: dict[tuple[str, str], Subject] = {}
+        self._used: set[str] = set()
+
+    def declare(self, document: Document) -> None:
+        """Add the templates of a document."""
+        for subject, node in _entries(document, "templates"):
+            if not isinstance(node, MappingNode):
+                explain("template", node, subject, self._findings)
+                self.complete, self._blind = False, True
+            elif self._is_new(subject):
+                self._templates[subject.name] = declare(subject, node, self._findings)
+
+    def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
+        """Add what the uses in some documents make; `modules` has the module of each instance."""
+        known: list[tuple[Subject, YamlNode, Template]] = []
+        size = 0
+        for subject, node in (use for document in documents for use in _entries(document, "use")):
+            template = self._template(subject, node)
+            if template is None:
+                self.complete = False
+                continue
+            known.append((subject, node, template))
+            size += template.size
+            if size > MAX_FILLED:
+                self.complete = False
+                message = f"all uses together make more than {MAX_FILLED} values"
+                place, path = subject.origin.of(subject.key), subject.path
+                self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
+                return
+        for subject, node, template in known:
+            self._use(subject, node, template, modules.get(subject.name, subject.name), elements)
+
+    def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
+        arguments = read_arguments(subject, node, template, self._findings)
+        if not self._is_new(subject) or not arguments.right:
+            _damage(template, arguments, elements)
+            return
+        self._used.add(template.name)
+        self.made.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
+        key = subject.origin.source.span(subject.key.start, subject.key.end)
+        self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
+
+    def try_unused(self) -> None:
+        """Fill each template that no use fills with examples, so that its mistakes are found all the same."""
+        for name, template in self._templates.items():
+            if name not in self._used:
+                bound = {key: example(parameter) for key, parameter in template.parameters.items()}
+                self._fill(template, Arguments(bound, right=True), template.origin, Elements(self._findings))
+
+    def _is_new(self, subject: Subject) -> bool:
+        """Report a bad name, and one that is taken; return whether it is free."""
+        proper = check_name(subject.key, subject, subject, self._findings)
+        first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
+        if first is not subject:
+            report_taken(subject, first, self._findings)
+        return first is subject and (proper or subject.section == "templates")
+
+    def _template(self, subject: Subject, node: YamlNode) -> Template | None:
+        """Return the template that a use names."""
+        name = node.value("template") if isinstance(node, MappingNode) else None
+        if not sound("template_use", node.data):
+            explain("template_use", node, subject, self._findings)
+        if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
+            return None
+        template = self._templates.get(name.text)
+        if template is None and not self._blind:
+            near = self._findings.nearest(name.text, self._templates)
+            known = f"templates are {listed(self._templates)}" if self._templates else "there are no templates"
+            way_out = f"did you mean '{near}'?" if near else known
+            message = f"unknown template {shown(name.text)} in {subject}"
+            path = subject.part("template")
+            self._findings.add("unknown-template", message, subject.origin.of(name), help=way_out, path=path)
+        return template
+
+    def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
+        """Add the elements of a template that is filled with arguments."""
+        filler = Filler(template, arguments.bound)
+        sections = filler.sections()
+        filler.report(origin, self._findings)
+        for section, mapping in sections.items():
+            wrong = frozenset(name for of, name in template.damaged if of == section)
+            elements.add(section, mapping, origin, wrong)
+
+
+def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:
+    """Note the names that a use would have made, were it right."""
+    for section, mapping in Filler(template, arguments.bound).sections().items():
+        elements.damaged[section].update(mapping.entries)
+
+
+def _entries(document: Document, section: str) -> Iterator[tuple[Subject, YamlNode]]:
+    for key, node in entries(document.section(section)):
+        yield Subject(section, key, document.origin), node

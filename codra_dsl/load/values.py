@@ -1,0 +1,108 @@
+"""Types, ranges and literals with units."""
+
+from __future__ import annotations
+
+import re
+
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode, visible_range
+from codra_dsl.load.reader import Reader
+from codra_dsl.model import Kind, Literal, Places, ValueType
+from codra_dsl.units import Unit, convert, parse_quantity, parse_unit, units_help
+
+_TYPE_KEYS = ("type", "unit", "range", "values")
+_RANGE_HELP = "write numbers that 'unit' applies to, or numbers with a unit of the same kind"
+_LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
+
+
+def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType | None:
+    """Return the type that a mapping with `type`, `unit`, `range` and `values` states; None where it is spoiled."""
+    present = {key: node.entries[key] for key in _TYPE_KEYS if key in node.entries}
+    kind = node.value("type")
+    unit = _read_unit(reader, present.get("unit"), *steps)
+    range_read = _read_range(reader, present.get("range"), unit, *steps)
+    if not isinstance(kind, ScalarNode) or any(value.reported for _, value in present.values()):
+        reader.damaged = True
+        return None
+    return ValueType(
+        kind=Kind(kind.text),
+        unit=None if unit is None else unit[0],
+        range=range_read,
+        values=_read_members(present.get("values")),
+        places=Places(reader.origin.place, {key: visible_range(*entry) for key, entry in present.items()}),
+    )
+
+
+def read_literal(reader: Reader, node: YamlNode, *steps: str) -> Literal:
+    """Return a literal; a plain number with unit is given in SI units."""
+    if node.reported or not isinstance(node, ScalarNode) or node.data is None:
+        reader.damaged = True
+        return ""
+    if isinstance(node.data, str) and node.style is Style.PLAIN and node.text[:1] in "-0123456789":
+        return _read_quantity(reader, node, *steps)
+    return node.data
+
+
+def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
+    quantity = parse_quantity(node.text)
+    if quantity is not None:
+        return quantity.si
+    like = _LIKE_QUANTITY.fullmatch(node.text)
+    if like is not None and parse_unit(like[1]) is None:
+        way_out = f"{units_help(like[1])} Quote it if it is a text"
+        reader.fail("unit", f"unknown unit {shown(like[1])} in {shown(node.text)}", node, way_out, *steps)
+    return node.text
+
+
+def _read_unit(
+    reader: Reader, entry: tuple[ScalarNode, YamlNode] | None, *steps: str
+) -> tuple[str, Unit | None] | None:
+    if entry is None or not isinstance(entry[1], ScalarNode) or entry[1].reported:
+        return None
+    text = entry[1].text
+    unit = parse_unit(text)
+    if unit is None:
+        reader.fail("unit", f"unknown unit {shown(text)}", entry[1], units_help(text), *steps, "unit")
+    return text, unit
+
+
+def _read_range(
+    reader: Reader, entry: tuple[ScalarNode, YamlNode] | None, unit: tuple[str, Unit | None] | None, *steps: str
+) -> tuple[float, float] | None:
+    if entry is None or not isinstance(entry[1], SequenceNode) or entry[1].reported:
+        return None
+    if any(item.reported for item in entry[1].items):
+        reader.damaged = True
+        return None
+    ends = [_read_end(item, unit) for item in entry[1].items]
+    if unit is not None and unit[1] is None:
+        return None
+    place, written = reader.origin.of_value(*entry), reader.origin.written(entry[1])
+    if None in ends:
+        wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
+        reader.fail("range", f"the range {shown(written)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
+        return None
+    low, high = (end for end in ends if end is not None)
+    if low > high:
+        message = f"the range {shown(written)} ends before it begins"
+        reader.fail("range", message, place, "write the smaller number first", *steps, "range")
+    return low, high
+
+
+def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
+    """Return an end of a range: a number in the value's unit, or with a unit of its own; None if it is neither."""
+    if not isinstance(node, ScalarNode):
+        return None
+    if isinstance(node.data, (int, float)):
+        return node.data
+    quantity = parse_quantity(node.text)
+    stated = None if unit is None else unit[1]
+    if quantity is None or stated is None or quantity.unit.dimension != stated.dimension:
+        return None
+    return convert(quantity.value, quantity.unit, stated)
+
+
+def _read_members(entry: tuple[ScalarNode, YamlNode] | None) -> tuple[str, ...]:
+    if entry is None or not isinstance(entry[1], SequenceNode):
+        return ()
+    return tuple(item.text for item in entry[1].items if isinstance(item, ScalarNode))

@@ -1,0 +1,173 @@
+"""Findings as text for people, a line each for editors, and JSON for tools.
+
+Text that comes from a spec is shown, never obeyed: what a terminal would take for a command appears as a replacement
+character.
+"""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from codra_dsl.diagnostics import Diagnostic, Place, Related, Severity, Span
+
+Sources = Callable[[str], str | None]
+"""The text of a file by its path in findings; None where it cannot be had."""
+
+_TAB = "    "
+_REPLACEMENT = "\N{REPLACEMENT CHARACTER}"
+_CROPPED = "..."
+_WIDEST = 200
+_MARGIN = 60
+_WIDE = ("W", "F")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Palette:
+    """What begins and ends a colour on a terminal."""
+
+    error: str = ""
+    warning: str = ""
+    place: str = ""
+    gutter: str = ""
+    help: str = ""
+    end: str = ""
+
+    def of(self, severity: Severity) -> str:
+        """Return the colour of a severity."""
+        return self.error if severity is Severity.ERROR else self.warning
+
+
+PLAIN = Palette()
+COLOURED = Palette(
+    error="\x1b[1;31m", warning="\x1b[1;33m", place="\x1b[1m", gutter="\x1b[34m", help="\x1b[36m", end="\x1b[0m"
+)
+
+
+def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Palette = PLAIN) -> str:
+    """Return findings with the lines that they are about, a caret below the offender, and the way out."""
+    lines = _Lines(sources)
+    return "\n".join("\n".join(_full(found, lines, palette)) + "\n" for found in diagnostics)
+
+
+def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
+    """Return findings one a line: place, severity, code, message, way out."""
+    return "".join(f"{_headline(found, palette)}{_in_brackets(found.help)}\n" for found in diagnostics)
+
+
+def render_json(diagnostics: Iterable[Diagnostic]) -> str:
+    """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
+    return "".join(json.dumps(_object(found)) + "\n" for found in diagnostics)
+
+
+def related_places(found: Diagnostic) -> tuple[Related, ...]:
+    """Return all other places of a finding: those that it names, and the uses of templates that these stand in."""
+    named = [(found.place, ""), *((each.place, each.message) for each in found.related)]
+    places: list[Related] = []
+    for place, message in named:
+        places += [Related(message, Place(place.span))] if message else []
+        places += [Related("used here", Place(place.use))] if place.use is not None else []
+    return tuple(dict.fromkeys(places))
+
+
+def _full(found: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
+    line = lines.at(found.place.span)
+    shown = [_headline(found, palette)]
+    help_ = f"{palette.help}help: {visible(found.help)}{palette.end}" if found.help else ""
+    width = len(str(found.place.span.line))
+    bar = f"{palette.gutter}{'':{width}} |{palette.end}"
+    if line is not None:
+        text, before, marked = _marked(line, found.place.span)
+        number = f"{palette.gutter}{found.place.span.line} |{palette.end}"
+        caret = f"{palette.of(found.severity)}{'^' * marked}{palette.end}"
+        shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
+    elif help_:
+        shown.append(f"{'':{width}} {help_}")
+    notes = ((_shown_place(each.place.span), visible(each.message)) for each in related_places(found))
+    return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
+
+
+def _headline(found: Diagnostic, palette: Palette) -> str:
+    place = f"{palette.place}{_shown_place(found.place.span)}{palette.end}"
+    kind = f"{palette.of(found.severity)}{found.severity}[{found.code}]{palette.end}"
+    return f"{place}: {kind}: {visible(found.message)}"
+
+
+def _shown_place(span: Span) -> str:
+    return f"{visible(span.file)}:{span.line}:{span.column}"
+
+
+def _in_brackets(text: str) -> str:
+    return f" ({visible(text)})" if text else ""
+
+
+def _object(found: Diagnostic) -> dict[str, object]:
+    related = [{"message": each.message, **_range(each.place.span)} for each in related_places(found)]
+    return {
+        "code": found.code,
+        "name": found.rule.name,
+        "severity": found.severity.value,
+        "message": found.message,
+        **_range(found.place.span),
+        "path": found.path,
+        "help": found.help,
+        "related": related,
+        "fingerprint": found.fingerprint,
+    }
+
+
+def _range(span: Span) -> dict[str, object]:
+    return {
+        "file": span.file,
+        "line": span.line,
+        "column": span.column,
+        "end_line": span.end_line,
+        "end_column": span.end_column,
+    }
+
+
+class _Lines:
+    """The lines of files, each file read once."""
+
+    def __init__(self, sources: Sources) -> None:
+        self._sources = sources
+        self._files: dict[str, list[str]] = {}
+
+    def at(self, span: Span) -> str | None:
+        """Return the line where a span begins."""
+        if span.file not in self._files:
+            text = self._sources(span.file)
+            self._files[span.file] = [] if text is None else text.replace("\r\n", "\n").split("\n")
+        lines = self._files[span.file]
+        return lines[span.line - 1] if 0 < span.line <= len(lines) else None
+
+
+def _marked(line: str, span: Span) -> tuple[str, int, int]:
+    """Return a line as it is shown, the columns before its marked part, and the columns of that part (1 or more)."""
+    first = min(span.column - 1, len(line))
+    last = len(line) if span.end_line > span.line else min(span.end_column - 1, len(line))
+    start = max(0, first - _MARGIN) if len(line) > _WIDEST else 0
+    cropped = _CROPPED if start else ""
+    before, part, after = line[start:first], line[first:last], line[max(first, last) : start + _WIDEST]
+    ended = _CROPPED if len(line) > start + _WIDEST else ""
+    part = part[: _WIDEST - _MARGIN]
+    text = cropped + visible(before) + visible(part) + visible(after) + ended
+    return text, len(cropped) + _columns(before), max(1, _columns(part))
+
+
+def visible(text: str) -> str:
+    """Return text as it can be shown on one line: tabs as blanks, and no control, format or surrogate character."""
+    return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
+
+
+def _columns(text: str) -> int:
+    """Return how many columns of a terminal a text takes."""
+    return sum(_column(letter) for letter in visible(text))
+
+
+def _column(letter: str) -> int:
+    if unicodedata.combining(letter):
+        return 0
+    return 2 if unicodedata.east_asian_width(letter) in _WIDE else 1

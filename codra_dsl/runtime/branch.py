@@ -1,0 +1,228 @@
+"""One algorithm within an observer's tree: its preconditions, its attempt, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Protocol
+
+from codra_dsl.logic import Term, Value, known
+from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
+from codra_dsl.runtime.evidence import Present, held
+from codra_dsl.runtime.journal import Scribe
+from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
+from codra_dsl.runtime.perception import Attempt, Failure, Interval, Perception, Result, State
+from codra_dsl.runtime.setbacks import Setback
+
+if TYPE_CHECKING:
+    from codra_dsl.runtime.observer import Observer
+
+SHORTEST_PERIOD_S = 0.01
+"""An algorithm that takes no time and may look again at once still lets time pass."""
+
+
+class Surroundings(Protocol):
+    """What an observer sees of the context manager."""
+
+    @property
+    def cells(self) -> Mapping[str, Cell]:
+        """Return all variables."""
+        ...
+
+    @property
+    def variables(self) -> Mapping[str, VariableModel]:
+        """Return how they are declared."""
+        ...
+
+    @property
+    def perception(self) -> Perception:
+        """Return what runs jobs."""
+        ...
+
+    @property
+    def scribe(self) -> Scribe:
+        """Return what tells the record."""
+        ...
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        ...
+
+
+class Branch:
+    """One algorithm within an observer: its preconditions, its attempt, and what came of it.
+
+    Behaviours ask it and tell it; it decides nothing about variables.
+    """
+
+    def __init__(self, algorithm: Algorithm, observer: Observer) -> None:
+        self.algorithm = algorithm
+        self.observer = observer
+        self.identifies: list[str] = []
+        self.conditions: list[tuple[str, Term]] = []
+        self.rivals: tuple[Branch, ...] = (self,)
+        self.result: Result | None = None
+        self._attempt: Attempt | None = None
+        self._pinned_s: float | None = None
+        self._interval = Interval(0.0, 0.0)
+        self.last_start_s = BEFORE_ALL_S
+        self._is_fresh = True
+        self._untold: set[str] = set()
+        self._noted: Attempt | None = None
+        for name in algorithm.given:
+            self.require(f"known({name})", known(name))
+
+    # What it waits for
+
+    def require(self, name: str, term: Term) -> None:
+        """Take a precondition, once."""
+        if (name, repr(term)) not in ((other, repr(condition)) for other, condition in self.conditions):
+            self.conditions.append((name, term))
+
+    def blocking_condition(self, context: Present) -> str | None:
+        """Return the first precondition that does not hold, or None."""
+        return next((name for name, term in self.conditions if not term.holds(context)), None)
+
+    def refresh(self) -> None:
+        """Look as soon as possible: the observer starts anew."""
+        self._is_fresh = True
+
+    def next_start_s(self) -> float:
+        """Return when the next job is due."""
+        period_s = 0.0 if self._is_fresh else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
+        return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
+
+    @property
+    def is_occupied(self) -> bool:
+        """Return whether the algorithm's function is at work, be it for nobody."""
+        return self.observer.surroundings.perception.at_work(self.algorithm) is not None
+
+    def serves(self, variable: str) -> bool:
+        """Return whether the variable can be left to this algorithm: it can run and its last job told it."""
+        can_run = not self.is_occupied and self.blocking_condition(self.observer.present()) is None
+        return can_run and variable in self.identifies and variable not in self._untold
+
+    # Its attempt
+
+    @property
+    def busy(self) -> bool:
+        """Return whether an attempt is under way or its outcome waits to be taken."""
+        return self._attempt is not None
+
+    @property
+    def is_finished(self) -> bool:
+        """Return whether the attempt has ended."""
+        return self._attempt is not None and self._attempt.state is State.ENDED
+
+    @property
+    def evidence_is_taken(self) -> bool:
+        """Return whether evidence is complete and waits for its result: then it is judged by its interval alone."""
+        interval = self._attempt.evidence(self.observer.now_s) if self._attempt is not None else None
+        return interval is not None and interval.stamp_s is not None
+
+    def start(self) -> None:
+        """Ask for a job."""
+        self._attempt = self.observer.surroundings.perception.request(
+            self.algorithm, self.observer.model.priority, self._begin, self.observer.touch
+        )
+
+    def broken_condition(self) -> str | None:
+        """Return a precondition that has not held since evidence began to be taken, to its end or to now, or None."""
+        interval = self._attempt.evidence(self.observer.now_s) if self._attempt is not None else None
+        if interval is None:
+            return None
+        end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
+        cells = self.observer.surroundings.cells
+        broken = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        return next(broken, None)
+
+    def cancel(self) -> None:
+        """Wait for the attempt no longer."""
+        attempt = self._drop()
+        if attempt is not None:
+            self.observer.surroundings.perception.cancel(attempt)
+
+    def void(self, condition: str) -> None:
+        """Drop the attempt because a precondition broke while its evidence was taken."""
+        attempt = self._drop()
+        if attempt is not None:
+            self.observer.surroundings.perception.void(attempt, condition)
+            self._untold = set(self.identifies)
+
+    def take(self) -> bool:
+        """Take the outcome of the finished attempt; return whether it is a result."""
+        attempt = self._drop()
+        if attempt is None or attempt.start_s is None:
+            return False
+        self._interval = attempt.evidence(self.observer.now_s) or Interval(attempt.start_s)
+        if isinstance(attempt.outcome, Result):
+            self.result, self._untold = attempt.outcome, set()
+            return True
+        if isinstance(attempt.outcome, Failure):
+            self._set_back(self.identifies, attempt.outcome.reason, attempt.outcome.message, attempt.start_s)
+        return False
+
+    def note_stuck(self) -> None:
+        """Note once that a job which was cancelled has not come to its end in time."""
+        attempt = self.observer.surroundings.perception.at_work(self.algorithm)
+        if attempt is None or attempt is self._noted or attempt.start_s is None or attempt.outcome is not None:
+            return
+        if attempt.state is State.ENDED and self.observer.now_s >= attempt.start_s + self.algorithm.timeout_s:
+            self._noted = attempt
+            detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
+            self._set_back(self.identifies, Reason.TIMED_OUT, detail, attempt.start_s)
+
+    # What its result tells
+
+    def reject(self, condition: str) -> None:
+        """Note that a refinement does not hold for the result (P1, Figure 4: refine the result)."""
+        self._set_back(self.identifies, Reason.REJECTED, f"not {condition}", self._stamp_s())
+
+    def identify(self, variable: str, term: Term) -> bool:
+        """Give a variable its value from the result (P1, Equation 6); return whether it has one."""
+        found = term.evaluate(self.result) if self.result is not None else None
+        try:
+            content = None if found is None else self.observer.surroundings.variables[variable].type.convert(found)
+        except NotOfTypeError as error:
+            self._set_back((variable,), Reason.FAILED, str(error), self._stamp_s())
+            return False
+        if content is None:
+            self._set_back((variable,), Reason.REJECTED, "the result does not tell", self._stamp_s())
+            return False
+        return self.observer.write(variable, content, self.algorithm.name, self._interval.start_s, self._stamp_s())
+
+    # Within
+
+    def _begin(self) -> dict[str, Value | None] | None:
+        """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""
+        now_s = self.observer.surroundings.now_s()
+        context = Present(self.observer.surroundings.cells, now_s)
+        if self.blocking_condition(context) is not None:
+            return None
+        self._pinned_s = now_s
+        for cell in self._cells():
+            cell.pin(now_s)
+        return {name: context.value(name) for name in self.algorithm.given}
+
+    def _drop(self) -> Attempt | None:
+        attempt, self._attempt = self._attempt, None
+        if self._pinned_s is not None:
+            for cell in self._cells():
+                cell.unpin(self._pinned_s)
+            self._pinned_s = None
+        if attempt is not None:
+            self.observer.note_conclusion()
+            if attempt.start_s is not None:  # the start of a job uses up what is due
+                self.last_start_s, self._is_fresh = attempt.start_s, False
+        return attempt
+
+    def _cells(self) -> list[Cell]:
+        names = {name for _, term in self.conditions for name in term.variables()}
+        return [self.observer.surroundings.cells[name] for name in sorted(names)]
+
+    def _stamp_s(self) -> float:
+        return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
+
+    def _set_back(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
+        for variable in variables:
+            self._untold.add(variable)
+            self.observer.set_back(variable, Setback(reason, detail, since_s, self.algorithm.name))

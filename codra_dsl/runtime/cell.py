@@ -1,0 +1,187 @@
+"""A cell holds one context-variable: its present reading and its history on the axis of evidence.
+
+P1, section 3.3: a value, a flag that tells known from unknown, and the instant when it was identified. Here the
+instant at which the evidence was taken is kept as well, and unknown has a reason.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Generic, TypeVar, cast
+
+from codra_dsl.logic import Value
+
+ValueT_co = TypeVar("ValueT_co", covariant=True)
+
+BEFORE_ALL_S = -math.inf
+
+FEWEST_KEPT = 100
+"""Readings that are kept even if the spec asks for a shorter history: evidence is judged by them."""
+
+MOST_PINNED = 10_000
+"""Readings beyond the limit that are kept for evidence that is being taken: a flood must not fill the memory."""
+
+
+class Reason(StrEnum):
+    """Why a variable is unknown."""
+
+    NEVER_OBSERVED = "never_observed"
+    STALE = "stale"
+    INVALIDATED = "invalidated"
+    FORGOTTEN = "forgotten"
+    REJECTED = "rejected"
+    UNCONFIRMED = "unconfirmed"
+    FAILED = "failed"
+    TIMED_OUT = "timed_out"
+    WITHDRAWN = "withdrawn"
+
+
+class UnknownValueError(LookupError):
+    """The value of an unknown variable was asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading(Generic[ValueT_co]):
+    """What a reader gets of a variable. Unknown and False cannot be confused: a reading has no truth value.
+
+    Attributes:
+        name: the variable.
+        content: the value, or None when unknown; `value` is the safe way to it.
+        reason: why it is unknown; None when known.
+        detail: who or what made it unknown: a skill, a condition, an error message.
+        evidence_s: when the evidence was taken; for unknown, from when on it is unknown, and for a stale one when its
+            last evidence was taken.
+        start_s: when the evidence began to be taken, if it is known; for evidence of an instant the same.
+        identified_s: when the context manager learned of it.
+        expires_s: the end of its validity.
+        source: who wrote it: a perception algorithm, `main_execution`, or an agent.
+    """
+
+    name: str
+    content: Value | None = None
+    reason: Reason | None = None
+    detail: str = ""
+    evidence_s: float = BEFORE_ALL_S
+    start_s: float = BEFORE_ALL_S
+    identified_s: float = BEFORE_ALL_S
+    expires_s: float = math.inf
+    source: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Return whether the value is known."""
+        return self.reason is None
+
+    @property
+    def value(self) -> ValueT_co:
+        """Return the value.
+
+        Raises:
+            UnknownValueError: when it is unknown, with the reason.
+        """
+        if self.reason is not None:
+            because = f"{self.reason}: {self.detail}" if self.detail else str(self.reason)
+            raise UnknownValueError(f"{self.name} is unknown ({because})")
+        return cast("ValueT_co", self.content)
+
+    def age_s(self, now_s: float) -> float:
+        """Return the time since the evidence was taken."""
+        return now_s - self.evidence_s
+
+    def at(self, instant_s: float) -> Reading[ValueT_co]:
+        """Return this reading as it is at an instant: unknown once its validity is over."""
+        if self.reason is None and instant_s >= self.expires_s:
+            return replace(self, content=None, reason=Reason.STALE, identified_s=self.expires_s, expires_s=math.inf)
+        return self
+
+    def __bool__(self) -> bool:
+        raise TypeError(f"a reading has no truth value: ask .known, then .value, of {self.name!r}")
+
+
+class Cell:
+    """One variable's present and past. Whoever writes holds the context manager's lock; reading needs none."""
+
+    __slots__ = ("_dropped", "_limit", "_past", "_pins", "invalidated_s", "reading")
+
+    def __init__(self, name: str, history: int) -> None:
+        """Make a cell that was never observed.
+
+        Args:
+            name: the variable.
+            history: how many readings `history` tells at most.
+        """
+        self.reading: Reading[Value] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
+        self.invalidated_s = BEFORE_ALL_S
+        self._past: list[Reading[Value]] = []
+        self._limit = history
+        self._pins: list[float] = []
+        self._dropped = False
+
+    def admits(self, start_s: float, stamp_s: float) -> bool:
+        """Return whether evidence counts: none does that was being taken when the variable was invalidated."""
+        return not start_s <= self.invalidated_s <= stamp_s
+
+    def write(self, reading: Reading[Value]) -> bool:
+        """Take a reading into the history and, unless its evidence is older, make it the present one.
+
+        Returns:
+            Whether it is the present one now.
+        """
+        position = bisect_right(self._past, reading.evidence_s, key=_evidence_s)
+        self._past.insert(position, reading)
+        while self._has_too_many():
+            self._past.pop(0)
+            self._dropped = True
+        if reading.evidence_s < self.reading.evidence_s:
+            return False
+        self.reading = reading
+        return True
+
+    def pin(self, instant_s: float) -> None:
+        """Keep, beyond the limit, what tells the time from an instant on, because evidence is being taken under it."""
+        self._pins.append(instant_s)
+
+    def unpin(self, instant_s: float) -> None:
+        """Take one `pin` back."""
+        self._pins.remove(instant_s)
+
+    def _has_too_many(self) -> bool:
+        surplus = len(self._past) - max(self._limit, FEWEST_KEPT)
+        is_pinned = bool(self._pins) and surplus > 0 and self._past[1].evidence_s > min(self._pins)
+        return surplus > (MOST_PINNED if is_pinned else 0)
+
+    def expire(self, now_s: float) -> bool:
+        """Make the present reading unknown if its validity is over; return whether it was."""
+        reading = self.reading.at(now_s)
+        if reading is self.reading:
+            return False
+        self.reading = reading
+        return True
+
+    def history(self) -> tuple[Reading[Value], ...]:
+        """Return the newest readings, by the instant of their evidence, the oldest first."""
+        return tuple(self._past[max(0, len(self._past) - self._limit) :])
+
+    def at(self, instant_s: float) -> Reading[Value]:
+        """Return what is known today about an instant: the newest evidence up to then, if it was still valid."""
+        position = bisect_right(self._past, instant_s, key=_evidence_s)
+        if position == 0:
+            return Reading(name=self.reading.name, reason=Reason.NEVER_OBSERVED)
+        return self._past[position - 1].at(instant_s)
+
+    @property
+    def told_from_s(self) -> float:
+        """Return the instant from which on it is still kept what happened."""
+        return self._past[0].evidence_s if self._dropped else BEFORE_ALL_S
+
+    def between(self, start_s: float, end_s: float) -> tuple[Reading[Value], ...]:
+        """Return the readings whose evidence was taken in (start, end], in order."""
+        first = bisect_right(self._past, start_s, key=_evidence_s)
+        return tuple(self._past[first : bisect_right(self._past, end_s, key=_evidence_s)])
+
+
+def _evidence_s(reading: Reading[Value]) -> float:
+    return reading.evidence_s

@@ -1,0 +1,377 @@
+"""Time as an argument. No other module reads a clock or waits.
+
+Simulated time is one heap of events, run by whoever sleeps: the main execution's `sleep` and `wait_until` run every
+event up to their end, in the order of (instant, order of scheduling), all in one thread. A piece of work (a perception
+function) runs at once, on what its handles give at its start; what it sleeps adds to its duration, and its outcome is
+delivered at start plus duration, or at once when nobody waits for it any more, as in real time. So blocking code is
+written once and runs in both kinds of time, and the same program gives the same events.
+
+In real time a dispatcher thread runs the events and each piece of work has a daemon thread of its own, so that one
+that hangs keeps neither the dispatcher nor the end of the process waiting.
+"""
+
+from __future__ import annotations
+
+import heapq
+import logging
+import math
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from typing import TypeVar
+
+Outcome = TypeVar("Outcome")
+
+_LOGGER = logging.getLogger(__name__)
+
+_LONGEST_WAIT_S = 3600.0
+"""The dispatcher looks at its events at least this often."""
+
+
+class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
+    """Raised inside a piece of work whose outcome nobody waits for any more."""
+
+
+class Timer:
+    """An event that is still to come."""
+
+    __slots__ = ("_callback", "instant_s")
+
+    def __init__(self, instant_s: float, callback: Callable[[], None]) -> None:
+        self.instant_s = instant_s
+        self._callback: Callable[[], None] | None = callback
+
+    def take(self) -> Callable[[], None]:
+        """Return what is to happen; the event itself does not happen any more."""
+        callback, self._callback = self._callback, None
+        return callback or _nothing
+
+    def cancel(self) -> None:
+        """Make the event not happen; harmless when it has happened."""
+        self._callback = None
+
+    def fire(self) -> None:
+        """Let the event happen, unless it was cancelled."""
+        self.take()()
+
+
+class Work(ABC):
+    """The time of one piece of work, as the work itself sees it."""
+
+    def __init__(self) -> None:
+        self._cancelled = threading.Event()
+
+    @property
+    def cancelled(self) -> bool:
+        """Return whether nobody waits for the outcome any more."""
+        return self._cancelled.is_set()
+
+    def cancel(self) -> None:
+        """Tell the work that nobody waits for its outcome; its next `sleep` raises `Cancelled`."""
+        self._cancelled.set()
+
+    @abstractmethod
+    def now_s(self) -> float:
+        """Return the instant that the work has reached."""
+
+    @abstractmethod
+    def sleep(self, duration_s: float) -> None:
+        """Spend time.
+
+        Raises:
+            Cancelled: if nobody waits for the outcome any more.
+        """
+
+
+class Clock(ABC):
+    """A source of time, with events and work that take place in it. Instants are seconds as float."""
+
+    @abstractmethod
+    def now_s(self) -> float:
+        """Return the present instant."""
+
+    @abstractmethod
+    def sleep(self, duration_s: float) -> None:
+        """Let time pass; events that fall into it happen meanwhile."""
+
+    @abstractmethod
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event: not before `instant_s`, never inside this call, and not at all if that is infinite."""
+
+    @abstractmethod
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `ready()` holds or the timeout is over; return whether it holds.
+
+        `ready` is asked often, from any thread, and must take no lock.
+        """
+
+    @abstractmethod
+    def notify(self) -> None:
+        """Say that what a `wait_until` looks at may have changed."""
+
+    @abstractmethod
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Start a piece of work beside the events; `deliver` is an event that gets what `run` returned.
+
+        `run` must not raise. The outcome of cancelled work is delivered too: then the work has come to its end.
+
+        Raises:
+            RuntimeError: if the machine can start no more work.
+        """
+
+
+class _SimulatedWork(Work):
+    """Work that has run already and, for the events, still takes its time."""
+
+    def __init__(self, clock: Clock) -> None:
+        super().__init__()
+        self._clock = clock
+        self._now_s = clock.now_s()
+        self._delivery: Timer | None = None
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def sleep(self, duration_s: float) -> None:
+        self._now_s += _checked(duration_s)
+
+    def cancel(self) -> None:
+        super().cancel()
+        if self._delivery is not None:
+            self._clock.call_at(self._clock.now_s(), self._delivery.take())
+
+    def deliver(self, callback: Callable[[], None]) -> None:
+        self._delivery = self._clock.call_at(self._now_s, callback)
+
+
+class SimClock(Clock):
+    """Simulated time: it passes only inside `sleep` and `wait_until`, as fast as the events can be run.
+
+    It belongs to the thread that made it.
+    """
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
+        self._events: list[tuple[float, int, Timer]] = []
+        self._scheduled = 0
+        self._inside_event = False
+        self._thread = threading.get_ident()
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self._now_s
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event; one in the past happens now."""
+        self._check_thread()
+        timer = Timer(max(instant_s, self._now_s), callback)
+        if instant_s < math.inf:
+            heapq.heappush(self._events, (timer.instant_s, self._scheduled, timer))
+            self._scheduled += 1
+        return timer
+
+    def sleep(self, duration_s: float) -> None:
+        """Run all events of the next `duration_s` seconds, both ends included, then stand at their end."""
+        self.wait_until(_never, _checked(duration_s))
+
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Run events until `ready()` holds after one of them, or `timeout_s` is over."""
+        self._check_thread()
+        if self._inside_event:
+            raise RuntimeError("an event (a perception function, a callback) must not wait on the clock: use job.sleep")
+        end_s = self._now_s + _checked(timeout_s)
+        while not ready():
+            if not self._events or self._events[0][0] > end_s:
+                if end_s == math.inf:
+                    raise RuntimeError("this would wait for ever: no event is left that could end it")
+                self._now_s = end_s
+                return ready()
+            self._run_next()
+        return True
+
+    def notify(self) -> None:
+        """Do nothing: `wait_until` looks after every event."""
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Run the work at once and deliver its outcome at start plus what it slept."""
+        work = _SimulatedWork(self)
+        was_inside, self._inside_event = self._inside_event, True
+        try:
+            outcome = run(work)
+        finally:
+            self._inside_event = was_inside
+        work.deliver(lambda: deliver(outcome))
+        return work
+
+    def _run_next(self) -> None:
+        self._now_s, _, timer = heapq.heappop(self._events)
+        self._inside_event = True
+        try:
+            timer.fire()
+        finally:
+            self._inside_event = False
+
+    def _check_thread(self) -> None:
+        if threading.get_ident() != self._thread:
+            raise RuntimeError("a SimClock belongs to the thread that made it: use WallClock with threads")
+
+
+class _RealWork(Work):
+    def __init__(self, clock: Clock) -> None:
+        super().__init__()
+        self._clock = clock
+
+    def now_s(self) -> float:
+        return self._clock.now_s()
+
+    def sleep(self, duration_s: float) -> None:
+        if self._cancelled.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
+            raise Cancelled
+
+
+class WallClock(Clock):
+    """Real time, from a monotonic source.
+
+    Events run one after another in a dispatcher thread. Close the clock, or leave it to the end of the process: its
+    threads are daemons.
+    """
+
+    def __init__(self, start_s: float | None = None) -> None:
+        """Start the dispatcher.
+
+        Args:
+            start_s: what the clock shows now; by default the seconds since 1970.
+        """
+        self._offset_s = (time.time() if start_s is None else start_s) - time.monotonic()
+        self._changed = threading.Condition()
+        self._events: list[tuple[float, int, Timer]] = []
+        self._scheduled = 0
+        self._closed = False
+        self._dispatcher = threading.Thread(target=self._dispatch, name="codra-clock", daemon=True)
+        self._dispatcher.start()
+
+    def __enter__(self) -> WallClock:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Run no more events; whoever waits is told that nothing came."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return time.monotonic() + self._offset_s
+
+    def sleep(self, duration_s: float) -> None:
+        """Let real time pass."""
+        self._check_thread()
+        time.sleep(min(_checked(duration_s), threading.TIMEOUT_MAX))
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event in the dispatcher thread."""
+        timer = Timer(instant_s, callback)
+        if instant_s < math.inf:
+            with self._changed:
+                heapq.heappush(self._events, (instant_s, self._scheduled, timer))
+                self._scheduled += 1
+                self._changed.notify_all()
+        return timer
+
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait until `ready()` holds after a `notify`, the timeout is over, or the clock is closed."""
+        self._check_thread()
+        with self._changed:
+            self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
+            return ready()
+
+    def notify(self) -> None:
+        """Wake those who wait."""
+        with self._changed:
+            self._changed.notify_all()
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Run the work in a daemon thread of its own."""
+        work = _RealWork(self)
+
+        def body() -> None:
+            outcome = run(work)
+            self.call_at(self.now_s(), lambda: deliver(outcome))
+
+        threading.Thread(target=body, name="codra-work", daemon=True).start()
+        return work
+
+    def _dispatch(self) -> None:
+        while (timer := self._next()) is not None:
+            try:
+                timer.fire()
+            except BaseException:  # whatever an event raises must not take the others with it
+                _LOGGER.exception("an event failed")
+
+    def _check_thread(self) -> None:
+        if threading.current_thread() is self._dispatcher:
+            raise RuntimeError("an event (a callback) must not wait on the clock")
+
+    def _next(self) -> Timer | None:
+        with self._changed:
+            while not self._closed:
+                wait_s = self._events[0][0] - self.now_s() if self._events else None
+                if wait_s is not None and wait_s <= 0:
+                    return heapq.heappop(self._events)[2]
+                self._changed.wait(None if wait_s is None else min(wait_s, _LONGEST_WAIT_S))
+        return None
+
+
+class LockedClock(Clock):
+    """A clock whose events run while a lock is held; work itself runs without it."""
+
+    def __init__(self, clock: Clock, lock: AbstractContextManager[object]) -> None:
+        self._clock = clock
+        self._lock = lock
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self._clock.now_s()
+
+    def sleep(self, duration_s: float) -> None:
+        """Let time pass."""
+        self._clock.sleep(duration_s)
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event that runs under the lock."""
+        return self._clock.call_at(instant_s, lambda: self._run(callback))
+
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Let time pass until `ready()` holds; `ready` must not take the lock."""
+        return self._clock.wait_until(ready, timeout_s)
+
+    def notify(self) -> None:
+        """Say that what a `wait_until` looks at may have changed."""
+        self._clock.notify()
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Start a piece of work whose outcome is delivered under the lock."""
+        return self._clock.start(run, lambda outcome: self._run(lambda: deliver(outcome)))
+
+    def _run(self, callback: Callable[[], None]) -> None:
+        with self._lock:
+            callback()
+
+
+def _never() -> bool:
+    return False
+
+
+def _nothing() -> None:
+    pass
+
+
+def _checked(duration_s: float) -> float:
+    if not duration_s >= 0:
+        raise ValueError(f"a duration is zero or more seconds, not {duration_s!r}")
+    return duration_s

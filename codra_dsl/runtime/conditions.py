@@ -1,0 +1,33 @@
+"""The words in which generated code writes conditions."""
+
+from __future__ import annotations
+
+from codra_dsl.logic import (
+    Scope,
+    Term,
+    Value,
+    age,
+    between,
+    choose,
+    first_of,
+    known,
+    literal,
+    maximum,
+    minimum,
+    value,
+)
+
+__all__ = [
+    "Scope",
+    "Term",
+    "Value",
+    "age",
+    "between",
+    "choose",
+    "first_of",
+    "known",
+    "literal",
+    "maximum",
+    "minimum",
+    "value",
+]

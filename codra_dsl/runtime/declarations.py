@@ -1,0 +1,56 @@
+"""C_E(t) of P1, Equation 4: what the main execution declares now, and on whose behalf."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+
+
+class Declarations:
+    """What several holders declare: the main execution itself, skills under way, skills that are expected."""
+
+    def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
+        """Start with nothing declared.
+
+        Args:
+            enter: called with a variable that enters C_E(t), and its holder.
+            leave: called with a variable that leaves C_E(t), and who held it last.
+        """
+        self._holders: dict[str, tuple[str, ...]] = {}
+        self._counts: Counter[str] = Counter()
+        self._enter = enter
+        self._leave = leave
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._counts
+
+    def names(self) -> frozenset[str]:
+        """Return C_E(t)."""
+        return frozenset(self._counts)
+
+    def of(self, holder: str) -> tuple[str, ...]:
+        """Return what a holder declares, in order."""
+        return self._holders.get(holder, ())
+
+    def holders(self) -> tuple[str, ...]:
+        """Return who declares something."""
+        return tuple(self._holders)
+
+    def hold(self, holder: str, names: Iterable[str]) -> None:
+        """Let a holder declare exactly these variables; what it keeps is not touched."""
+        before, after = self.of(holder), tuple(dict.fromkeys(names))
+        if after:
+            self._holders[holder] = after
+        else:
+            self._holders.pop(holder, None)
+        for name in after:
+            if name not in before:
+                self._counts[name] += 1
+                if self._counts[name] == 1:
+                    self._enter(name, holder)
+        for name in before:
+            if name not in after:
+                self._counts[name] -= 1
+                if not self._counts[name]:
+                    del self._counts[name]
+                    self._leave(name, holder)

@@ -1,0 +1,150 @@
+"""The forest F: all observers, tied by the context that they share (P1, Equation 11), ticked when something changed.
+
+The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
+changed, when a job has ended, and when a comparison with an age flips: the same meaning with less work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.activation import Activation
+from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.journal import Kind, Scribe
+from codra_dsl.runtime.model import ObserverModel
+from codra_dsl.runtime.observer import Observer, Surroundings
+from codra_dsl.runtime.perception import described
+
+MAX_ROUNDS = 100
+"""Rounds at one instant before feedback that does not come to rest has to wait."""
+
+UNREST_S = 0.01
+"""How long it waits then."""
+
+
+class Forest:
+    """Starts, stops and ticks observers. Whoever calls it holds the context manager's lock."""
+
+    def __init__(
+        self,
+        models: Sequence[ObserverModel],
+        surroundings: Surroundings,
+        clock: Clock,
+        commit: Callable[[Reading[Value]], None],
+        stopped: Callable[[Observer], None],
+    ) -> None:
+        """Build all trees.
+
+        Args:
+            models: the observers.
+            surroundings: what they see.
+            clock: real or simulated time.
+            commit: takes what observers wrote, after each round.
+            stopped: called for each observer that has stopped.
+        """
+        self._clock = clock
+        self._scribe: Scribe = surroundings.scribe
+        self._commit = commit
+        self._stopped = stopped
+        self._observers = {model.name: Observer(model, surroundings, self.touch) for model in models}
+        self._activation = Activation(
+            {name: observer.model.identifies for name, observer in self._observers.items()},
+            {name: observer.needs() for name, observer in self._observers.items()},
+            self._start,
+            self._stop,
+        )
+        self._position = {name: position for position, name in enumerate(self._activation.order)}
+        self._readers = self._find_readers()
+        self._touched: set[str] = set()
+        self._timers: dict[str, Timer] = {}
+        self._round: Timer | None = None
+
+    @property
+    def observers(self) -> Mapping[str, Observer]:
+        """Return all observers by name."""
+        return self._observers
+
+    def running(self) -> frozenset[str]:
+        """Return the names of the observers that run."""
+        return self._activation.running()
+
+    def declare(self, variable: str) -> None:
+        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1)."""
+        self._activation.declare(variable)
+
+    def withdraw(self, variable: str) -> None:
+        """Stop what nothing needs any more once a variable leaves C_E(t)."""
+        self._activation.withdraw(variable)
+
+    def changed(self, variable: str) -> None:
+        """Say that a variable has another reading, now or in its history."""
+        for observer in self._readers.get(variable, ()):
+            self.touch(observer)
+
+    def touch(self, observer: Observer) -> None:
+        """Let an observer be ticked in the next round, at this instant."""
+        self._touched.add(observer.name)
+        if self._round is None:
+            self._round = self._clock.call_at(self._clock.now_s(), self._settle)
+
+    def _settle(self) -> None:
+        """Run rounds at this instant: tick in order on one state of the context, commit, until nothing changes."""
+        try:
+            is_quiet = self._run_rounds()
+        except BaseException:
+            self._round = None
+            raise
+        self._round = None if is_quiet else self._clock.call_at(self._clock.now_s() + UNREST_S, self._settle)
+
+    def _run_rounds(self) -> bool:
+        for _ in range(MAX_ROUNDS):
+            names, self._touched = sorted(self._touched, key=self._position.__getitem__), set()
+            if not names:
+                return True
+            now_s = self._clock.now_s()
+            for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
+                self._commit(reading)
+        return False
+
+    def _tick(self, observer: Observer, now_s: float) -> list[Reading[Value]]:
+        try:
+            readings = observer.tick(now_s)
+        except Exception as error:  # noqa: BLE001 - one broken tree must not stop the forest
+            readings = observer.fail(described(error))
+            self._scribe.tell(Kind.OBSERVER, observer.name, "failed", message=described(error))
+        self._wake_at(observer, observer.next_tick_s())
+        return readings
+
+    def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
+        """Let an observer be ticked at an instant; one tick that comes before it sets the next."""
+        timer = self._timers.get(observer.name)
+        if instant_s is not None and (timer is None or timer.instant_s > instant_s):
+            if timer is not None:
+                timer.cancel()
+            self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
+
+    def _wake(self, observer: Observer) -> None:
+        self._timers.pop(observer.name, None)  # a timer that fires while it is replaced finds the other's entry
+        self.touch(observer)
+
+    def _start(self, name: str) -> None:
+        observer = self._observers[name]
+        observer.start()
+        self._scribe.tell(Kind.OBSERVER, name, "started")
+        self.touch(observer)
+
+    def _stop(self, name: str) -> None:
+        observer = self._observers[name]
+        observer.stop()
+        self._scribe.tell(Kind.OBSERVER, name, "stopped")
+        self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
+        self._stopped(observer)
+
+    def _find_readers(self) -> dict[str, list[Observer]]:
+        readers: dict[str, list[Observer]] = {}
+        for name in self._activation.order:
+            for need in self._observers[name].needs():
+                readers.setdefault(need, []).append(self._observers[name])
+        return readers

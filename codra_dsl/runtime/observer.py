@@ -1,0 +1,236 @@
+"""An observer at run time: its tree, whose turn it is to look, and what a tick means for its variables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+from operator import and_, or_
+
+from py_trees.behaviour import Behaviour
+
+from codra_dsl.logic import Term, Value, reads_ages
+from codra_dsl.runtime.branch import Branch, Surroundings
+from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.evidence import Present, Watch
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.model import Algorithm, ObserverModel
+from codra_dsl.runtime.setbacks import Setback, decisive
+
+__all__ = ["Branch", "Observer", "Surroundings"]
+
+
+class Observer:
+    """O_i of P1: one behaviour tree that identifies one or more context-variables."""
+
+    def __init__(self, model: ObserverModel, surroundings: Surroundings, touched: Callable[[Observer], None]) -> None:
+        self.model = model
+        self.surroundings = surroundings
+        self.wanted = False
+        self.now_s = surroundings.now_s()
+        self._touched = touched
+        self._branches: list[Branch] = []
+        self._writes: list[Reading[Value]] = []
+        self._setbacks: dict[str, list[Setback]] = {}
+        self._concluded = False
+        self._failure: str | None = None
+        self.tree: Behaviour = model.build(self)
+        for branch in self._branches:
+            branch.rivals = self._rivals(branch)
+        self._branches_of = {
+            name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
+        }
+        self._aging = [term for term in self._terms() if reads_ages(term)]
+        self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
+
+    @property
+    def name(self) -> str:
+        """Return the observer's name."""
+        return self.model.name
+
+    def branch(self, algorithm: Algorithm) -> Branch:
+        """Return a new branch for an algorithm; generated code calls this while it builds the tree."""
+        branch = Branch(algorithm, self)
+        self._branches.append(branch)
+        return branch
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """Return the branches, by rank."""
+        return tuple(self._branches)
+
+    def needs(self) -> tuple[str, ...]:
+        """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
+        return tuple(sorted({name for term in self._terms() for name in term.variables()}))
+
+    def observable(self, variable: str) -> Term | None:
+        """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
+        conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
+        return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
+
+    def present(self) -> Present:
+        """Return the context as it is at this tick."""
+        return Present(self.surroundings.cells, self.now_s)
+
+    def touch(self) -> None:
+        """Say that a tick may bring something new."""
+        self._touched(self)
+
+    # What its branches tell it
+
+    def note_conclusion(self) -> None:
+        """Note that an attempt came to its end in this tick: what it means is settled by the next, at this instant."""
+        self._concluded = True
+
+    def set_back(self, variable: str, setback: Setback) -> None:
+        """Keep a setback until it is clear that no alternative delivers."""
+        self._setbacks.setdefault(variable, []).append(setback)
+
+    def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
+        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        if not self.surroundings.cells[variable].admits(start_s, stamp_s):
+            self.surroundings.scribe.tell(
+                Kind.VARIABLE, variable, "too_old", value=content, evidence_s=stamp_s, source=algorithm
+            )
+            return False
+        reading: Reading[Value] = Reading(
+            name=variable,
+            content=content,
+            evidence_s=stamp_s,
+            start_s=start_s,
+            identified_s=self.now_s,
+            source=algorithm,
+        )
+        self._setbacks.pop(variable, None)
+        self._writes.append(reading)
+        return True
+
+    def next_in_turn(self, branch: Branch) -> Branch | None:
+        """Return which one of a branch and its rivals may start a job now, if one may.
+
+        An algorithm has something to do if a variable is not served by one of better rank. Of those that have, the one
+        goes first that has not run for the longest time, so that none starves another; then rank decides.
+        """
+        if any(rival.busy for rival in branch.rivals):
+            return None
+        ready = [rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)]
+        return min(ready, key=lambda rival: rival.last_start_s, default=None)
+
+    # Its life
+
+    def start(self) -> None:
+        """Let it run; it looks as soon as it can."""
+        self.wanted, self._failure = True, None
+        for branch in self._branches:
+            branch.refresh()
+
+    def stop(self) -> None:
+        """Clear the control flag; the next tick cancels its jobs."""
+        self.wanted = False
+
+    def tick(self, now_s: float) -> list[Reading[Value]]:
+        """Tick the tree once and return what it identified, or made unknown."""
+        self.now_s, self._writes, self._concluded = now_s, [], False
+        if self._failure is not None:
+            return []
+        for branch in self._branches:
+            branch.note_stuck()
+        self.tree.tick_once()
+        if not self.wanted:
+            self._setbacks.clear()
+            return []
+        for variable in self.model.identifies:
+            self._settle(variable)
+        if self._concluded:
+            self.touch()
+        return self._writes
+
+    def fail(self, message: str) -> list[Reading[Value]]:
+        """Rest until it is started anew, because its tree is broken; what it wrote becomes unknown."""
+        self._writes, self._failure = [], message
+        for branch in self._branches:
+            branch.cancel()
+        self._setbacks.clear()
+        for variable in self.model.identifies:
+            reading = self._reading(variable)
+            if not reading.known or self._is_own(reading):
+                self._make_unknown(variable, Setback(Reason.FAILED, message, self.now_s, self.name))
+        return self._writes
+
+    def next_tick_s(self) -> float | None:
+        """Return when a tick next brings something new, if nothing else changes before."""
+        if not self.wanted or self._failure is not None:
+            return None
+        present = self.present()
+        flips = (term.flips_s(present) for term in self._aging)
+        instants = [self.now_s + wait_s for wait_s in flips if wait_s is not None]
+        idle = (branch for branch in self._branches if not any(rival.busy for rival in branch.rivals))
+        instants.extend(branch.next_start_s() for branch in idle if self._may_run(branch))
+        return min((instant for instant in instants if instant > self.now_s), default=None)
+
+    # Within
+
+    def _terms(self) -> list[Term]:
+        return [term for branch in self._branches for _, term in branch.conditions]
+
+    def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
+        """Return, by rank, the branches of which one at a time can run: they share variables, be it through another."""
+        group = [branch]
+        for member in group:
+            names = set(member.identifies)
+            group.extend(other for other in self._branches if other not in group and names & set(other.identifies))
+        return tuple(sorted(group, key=self._branches.index))
+
+    def _may_run(self, branch: Branch) -> bool:
+        if branch.is_occupied or branch.blocking_condition(self.present()) is not None:
+            return False
+        better = self._branches[: self._branches.index(branch)]
+        return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
+
+    def _reading(self, variable: str) -> Reading[Value]:
+        """Return the present reading of a variable, counting what this tick wrote."""
+        present = self.surroundings.cells[variable].reading.at(self.now_s)
+        written = (reading for reading in self._writes if reading.name == variable)
+        return sorted((present, *written), key=lambda reading: reading.evidence_s)[-1]
+
+    def _is_own(self, reading: Reading[Value]) -> bool:
+        return any(branch.algorithm.name == reading.source for branch in self._branches)
+
+    def _settle(self, variable: str) -> None:
+        """Decide what a tick means for a variable beside the value that it may have brought."""
+        forgets = self.surroundings.variables[variable].when_unobservable == "forget"
+        if not self._concluded and not self._alternative_is_busy(variable):
+            setback = decisive(self._reading(variable), self._setbacks.pop(variable, ()), forgets=forgets)
+            if setback is not None:
+                self._make_unknown(variable, setback)
+        if forgets and variable in self._watches:
+            self._forget_unseen(variable)
+
+    def _alternative_is_busy(self, variable: str) -> bool:
+        """Return whether an algorithm that has not been set back itself may still deliver."""
+        tried = {setback.algorithm for setback in self._setbacks.get(variable, ())}
+        return any(branch.busy and branch.algorithm.name not in tried for branch in self._branches_of[variable])
+
+    def _forget_unseen(self, variable: str) -> None:
+        reading = self._reading(variable)
+        if not reading.known:
+            return
+        watch, cells = self._watches[variable], self.surroundings.cells
+        loss_s = watch.loss_s(cells, reading, is_own=self._is_own(reading), now_s=self.now_s)
+        if loss_s is not None:
+            since_s = max(loss_s, reading.evidence_s)
+            self._make_unknown(variable, Setback(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
+
+    def _blocked_by(self, variable: str) -> str:
+        conditions = (branch.blocking_condition(self.present()) for branch in self._branches_of[variable])
+        return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
+
+    def _make_unknown(self, variable: str, setback: Setback) -> None:
+        reading: Reading[Value] = Reading(
+            name=variable,
+            reason=setback.reason,
+            detail=setback.detail,
+            evidence_s=setback.since_s,
+            identified_s=self.now_s,
+            source=setback.algorithm,
+        )
+        self._writes.append(reading)

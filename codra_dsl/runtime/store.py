@@ -1,0 +1,89 @@
+"""The central data structure of P1, section 3.3: all context-variables, through which every change goes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Cell, Reading, Reason
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.journal import Kind, Scribe
+from codra_dsl.runtime.model import VariableModel
+
+
+class Store:
+    """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock."""
+
+    def __init__(
+        self, variables: Sequence[VariableModel], clock: Clock, scribe: Scribe, changed: Callable[[str], None]
+    ) -> None:
+        """Make all variables unknown.
+
+        Args:
+            variables: C_M.
+            clock: real or simulated time.
+            scribe: is told every change.
+            changed: called with the name of a variable whose present or past has changed.
+        """
+        self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
+        self.cells: Mapping[str, Cell] = {name: Cell(name, each.history) for name, each in self.variables.items()}
+        self._clock = clock
+        self._scribe = scribe
+        self._changed = changed
+        self._expiring: set[str] = set()
+
+    def reading(self, name: str) -> Reading[Value]:
+        """Return what is known of a variable now; any thread may ask, without the lock."""
+        return self.cells[name].reading.at(self._clock.now_s())
+
+    def write(self, reading: Reading[Value]) -> None:
+        """Take a reading: as the present one, or into the history only if its evidence is older than that."""
+        if reading.known:
+            reading = replace(reading, expires_s=reading.evidence_s + self.variables[reading.name].valid_for_s)
+        is_present = self.cells[reading.name].write(reading)
+        self._tell(reading, is_present=is_present)
+        if is_present:
+            self._watch_expiry(reading)
+        self._changed(reading.name)
+
+    def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
+        """Make a variable unknown from now on."""
+        now_s = self._clock.now_s()
+        self.write(
+            Reading(name=name, reason=reason, detail=detail, evidence_s=now_s, identified_s=now_s, source=source)
+        )
+
+    def invalidate(self, name: str, skill: str, source: str) -> None:
+        """Make a variable unknown because a skill changes it; evidence that is being taken does not count."""
+        self.cells[name].invalidated_s = self._clock.now_s()
+        self.make_unknown(name, Reason.INVALIDATED, skill, source)
+
+    def _watch_expiry(self, reading: Reading[Value]) -> None:
+        if reading.expires_s < math.inf and reading.name not in self._expiring:
+            self._expiring.add(reading.name)
+            self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
+
+    def _expire(self, name: str) -> None:
+        """Make a variable unknown at the end of its validity; newer evidence moves that end."""
+        self._expiring.discard(name)
+        cell = self.cells[name]
+        if cell.expire(self._clock.now_s()):
+            self._tell(cell.reading, is_present=True)
+            self._changed(name)
+        else:
+            self._watch_expiry(cell.reading)
+
+    def _tell(self, reading: Reading[Value], *, is_present: bool) -> None:
+        self._scribe.tell(
+            Kind.VARIABLE,
+            reading.name,
+            "identified" if reading.known else "unknown",
+            value=reading.content,
+            reason=reading.reason,
+            detail=reading.detail,
+            evidence_s=reading.evidence_s,
+            source=reading.source,
+            present=is_present,
+        )

@@ -1,0 +1,283 @@
+"""Units of measurement: which ones there are, when two of them can be compared, and by what factor they differ.
+
+Base units are m, s, kg, A, rad, lux and percent. An angle and a percentage are dimensions of their own, so that a bare
+number is never taken for one by accident. Factors are exact: `7 cm` is 70 mm, not 70.00000000000001.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+
+from codra_dsl.diagnostics import suggest
+
+MAX_MAGNITUDE = 1e100
+"""Larger numbers are refused: no conversion between units can then overflow."""
+
+MAX_UNIT_LENGTH = 40
+_BASES = ("m", "s", "kg", "A", "rad", "lux", "percent")
+
+UNIT_TEXT = r"(?:1/)?[A-Za-z]+(?:[*/][A-Za-z]+)*"
+"""How a unit is written: symbols joined by `*` and `/` without blanks, `1/s` for an inverse."""
+
+NUMBER_TEXT = r"(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?"
+"""How a number is written, without sign."""
+
+_QUANTITY = re.compile(rf"(-?)({NUMBER_TEXT})[ \t]*({UNIT_TEXT})")
+_UNIT = re.compile(UNIT_TEXT)
+_POWER = re.compile(r"(^|[*/])([A-Za-z]+)(?:\^|\*\*)?2$")
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """What is measured: the exponent of each base unit, in the order m, s, kg, A, rad, lux, percent."""
+
+    exponents: tuple[int, ...]
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        """Return the dimension of a product."""
+        return Dimension(tuple(mine + theirs for mine, theirs in zip(self.exponents, other.exponents, strict=True)))
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        """Return the dimension of a quotient."""
+        return Dimension(tuple(mine - theirs for mine, theirs in zip(self.exponents, other.exponents, strict=True)))
+
+    def __str__(self) -> str:
+        """Return the unit of this dimension without a factor, e.g. `m/s`; `1` for a bare number."""
+        powers = tuple(zip(_BASES, self.exponents, strict=True))
+        above = [base for base, power in powers for _ in range(power)]
+        below = [base for base, power in powers for _ in range(-power)]
+        return "/".join(["*".join(above) or "1", *below])
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit: `factor * (pi / 180) ** degrees` of it make one of its dimension's base unit.
+
+    Attributes:
+        factor: the rational part of the factor to the base unit.
+        degrees: how often pi/180 is part of that factor; 1 for deg.
+        text: as written; two units are equal if they mean the same.
+    """
+
+    dimension: Dimension
+    factor: Fraction = Fraction(1)
+    degrees: int = 0
+    text: str = field(default="", compare=False)
+
+    def __mul__(self, other: Unit) -> Unit:
+        """Return the unit of a product."""
+        return _named(self.dimension * other.dimension, self.factor * other.factor, self.degrees + other.degrees)
+
+    def __truediv__(self, other: Unit) -> Unit:
+        """Return the unit of a quotient."""
+        return _named(self.dimension / other.dimension, self.factor / other.factor, self.degrees - other.degrees)
+
+    def __str__(self) -> str:
+        """Return the unit as people write it."""
+        return self.text or str(self.dimension)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with its unit, as written."""
+
+    value: int | float
+    unit: Unit
+
+    @property
+    def si(self) -> float:
+        """Return the value in base units (m, s, kg, A, rad, lux, percent)."""
+        return convert(self.value, self.unit, Unit(self.unit.dimension))
+
+
+def _base(symbol: str) -> Dimension:
+    return Dimension(tuple(int(base == symbol) for base in _BASES))
+
+
+ONE = Unit(Dimension((0,) * len(_BASES)), text="1")
+"""The unit of a bare number."""
+
+_METRE, _SECOND, _KILOGRAM, _AMPERE = _base("m"), _base("s"), _base("kg"), _base("A")
+_NEWTON = _KILOGRAM * _METRE / _SECOND / _SECOND
+_WATT = _NEWTON * _METRE / _SECOND
+
+UNITS: Mapping[str, Unit] = {
+    unit.text: unit
+    for unit in (
+        Unit(_METRE, text="m"),
+        Unit(_METRE, Fraction(1, 100), text="cm"),
+        Unit(_METRE, Fraction(1, 1000), text="mm"),
+        Unit(_METRE, Fraction(1000), text="km"),
+        Unit(_SECOND, text="s"),
+        Unit(_SECOND, Fraction(1, 1000), text="ms"),
+        Unit(_SECOND, Fraction(60), text="min"),
+        Unit(_SECOND, Fraction(3600), text="h"),
+        Unit(_base("rad"), text="rad"),
+        Unit(_base("rad"), degrees=1, text="deg"),
+        Unit(_KILOGRAM, text="kg"),
+        Unit(_KILOGRAM, Fraction(1, 1000), text="g"),
+        Unit(_NEWTON, text="N"),
+        Unit(_WATT / _AMPERE, text="V"),
+        Unit(_AMPERE, text="A"),
+        Unit(_WATT, text="W"),
+        Unit(_base("lux"), text="lux"),
+        Unit(_base("percent"), text="percent"),
+    )
+}
+"""All units by symbol; their products and quotients are units, too."""
+
+_OTHER_SPELLINGS: Mapping[str, str] = {
+    "%": "percent",
+    "pct": "percent",
+    "°": "deg",
+    "º": "deg",
+    "degree": "deg",
+    "radian": "rad",
+    "meter": "m",
+    "metre": "m",
+    "centimeter": "cm",
+    "centimetre": "cm",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "kilometer": "km",
+    "kilometre": "km",
+    "sec": "s",
+    "sek": "s",
+    "second": "s",
+    "msec": "ms",
+    "millisecond": "ms",
+    "minute": "min",
+    "hour": "h",
+    "hr": "h",
+    "hz": "1/s",
+    "gram": "g",
+    "kilo": "kg",
+    "kilogram": "kg",
+    "newton": "N",
+    "volt": "V",
+    "ampere": "A",
+    "amp": "A",
+    "watt": "W",
+    "lx": "lux",
+    "mps": "m/s",
+    "kmh": "km/h",
+    "kph": "km/h",
+}
+
+
+@lru_cache(maxsize=1024)
+def parse_unit(text: str) -> Unit | None:
+    """Return the unit that a text such as `mm`, `m/s`, `N*m` or `1/min` names, or None if it names none."""
+    known = UNITS.get(text)
+    if known is not None or len(text) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(text):
+        return known
+    unit = ONE
+    for operator, symbol in re.findall(r"(^|[*/])([A-Za-z]+)", text.removeprefix("1") if text[0] == "1" else text):
+        part = UNITS.get(symbol)
+        if part is None:
+            return None
+        unit = unit / part if operator == "/" else unit * part
+    return Unit(unit.dimension, unit.factor, unit.degrees, text)
+
+
+def suggest_unit(text: str) -> str | None:
+    """Return the unit that a text which names none most likely means, e.g. `deg` for `degrees`, or None."""
+    if len(text) > MAX_UNIT_LENGTH:
+        return None
+    pieces = re.split(r"([*/])", _POWER.sub(r"\1\2\1\2", "".join(text.split())))
+    nearest = [piece if piece in ("*", "/", "1") else _nearest(piece) for piece in pieces]
+    found = "".join(piece for piece in nearest if piece is not None)
+    return found if None not in nearest and found != text and parse_unit(found) is not None else None
+
+
+def units_help(text: str) -> str:
+    """Return the way out for a text that names no unit."""
+    near = suggest_unit(text)
+    return f"did you mean '{near}'?" if near else f"units are {', '.join(UNITS)}, and their products and quotients"
+
+
+def parse_quantity(text: str) -> Quantity | None:
+    """Return the number with a unit that a text such as `-20 cm` states, or None if it states none."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        return None
+    unit, number = parse_unit(match[3]), parse_number(match[2])
+    if unit is None or number is None:
+        return None
+    return Quantity(-number if match[1] else number, unit)
+
+
+def parse_number(text: str) -> int | float | None:
+    """Return the number that digits stand for, an int where they have no point and no exponent; None if too large."""
+    if re.fullmatch(r"[0-9]{1,101}", text):
+        number: int | float = int(text)
+    else:
+        number = float(text)
+    return number if number <= MAX_MAGNITUDE else None
+
+
+def parse_duration(text: str) -> float | None:
+    """Return the seconds that a duration such as `500 ms` or `forever` stands for, or None if it is none.
+
+    Signs are not looked at here: whether a duration may be zero or less depends on what it is for.
+    """
+    if text == "forever":
+        return math.inf
+    quantity = parse_quantity(text)
+    return quantity.si if quantity is not None and quantity.unit.dimension == _SECOND else None
+
+
+def duration_help(text: str) -> str:
+    """Return the way out for a text that is no duration."""
+    number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
+    near = suggest_unit(number[2].rstrip()) if number else None
+    unit = parse_unit(near) if near else None
+    if number and unit and unit.dimension == _SECOND:
+        return f"did you mean '{number[1]} {near}'?"
+    if number and not number[2]:
+        return f"a duration has a unit: '{number[1]} s', '{number[1]} ms', '{number[1]} min' or '{number[1]} h'"
+    if text.strip().casefold() in ("forever", "inf", ".inf", "infinity", "never", "always", "infinite"):
+        return "did you mean 'forever'?"
+    return "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"
+
+
+@lru_cache(maxsize=1024)
+def convert(value: int | float, source: Unit, target: Unit) -> float:
+    """Return a value in another unit of the same dimension, rounded once.
+
+    A float counts as the decimal number that it is written as, so that `0.3 cm` is exactly 3 mm.
+    """
+    exact = Fraction(repr(value)) * source.factor / target.factor
+    turns = source.degrees - target.degrees
+    if turns == 0:
+        return float(exact)
+    if abs(turns) == 1:
+        return math.radians(float(exact)) if turns == 1 else math.degrees(float(exact))
+    return float(exact) * (math.pi / 180) ** turns
+
+
+def ratio(source: Unit, target: Unit) -> float:
+    """Return how many of the target unit make one of the source unit."""
+    return convert(1, source, target)
+
+
+def _nearest(piece: str) -> str | None:
+    if piece in UNITS:
+        return piece
+    small = piece.casefold()
+    for spelling in (small, small.removesuffix("s")):
+        if spelling in _OTHER_SPELLINGS:
+            return _OTHER_SPELLINGS[spelling]
+    same = [symbol for symbol in UNITS if symbol.casefold() == small]
+    return same[0] if len(same) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
+
+
+def _named(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
+    """Return a unit under the name of one that means the same, where there is one."""
+    plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
+    return next((unit for unit in UNITS.values() if unit == plain), plain)

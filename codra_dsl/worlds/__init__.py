@@ -1,0 +1,1 @@
+"""Simulated worlds with ground truth: examples of a robot's own code around its observers."""

@@ -1,0 +1,264 @@
+"""The arm camera: what it would deliver at an instant, drawn by one thread and handed to whoever asks.
+
+A frame is a function of (the world's seed, the camera, the instant). It shows blur where things move within the
+exposure, the room's light, the lens, and noise.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from concurrent.futures import Future, ThreadPoolExecutor
+from math import ceil
+from random import Random
+from threading import Lock
+from typing import ClassVar, Protocol
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from codra_dsl.worlds.lab import gl
+from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.layout import INTRINSICS
+from codra_dsl.worlds.lab.poses import Pose, rotation_about
+from codra_dsl.worlds.lab.scene import CAMERA_NAME, Stage
+from codra_dsl.worlds.lab.sight import image_motion_px
+from codra_dsl.worlds.lab.world import LabState, LabWorld
+
+EXPOSURE_S = 0.012
+"""How long the shutter is open; a frame's stamp is its end."""
+
+LENS_BLUR_PX = 0.7
+NOISE_GREYS = 3.0
+"""Standard deviation of the sensor's noise, of 255, independent in each pixel and colour."""
+
+_SHARP_BELOW_PX = 0.2
+"""Motion within an exposure that leaves a frame as sharp as one of a still scene."""
+
+_SUBFRAMES = 6
+"""At most so many instants of an exposure are averaged."""
+
+_FRAMES_KEPT = 32
+_NOISE_BANK_PX = 1024
+_LEFT_OUT = (
+    mujoco.mjtRndFlag.mjRND_SHADOW,
+    mujoco.mjtRndFlag.mjRND_REFLECTION,
+    mujoco.mjtRndFlag.mjRND_SKYBOX,
+)
+"""What MuJoCo draws unless told not to, at three times the cost; shadows also disturb the poses of tags."""
+
+Pixels = NDArray[np.uint8]
+
+
+class Now(Protocol):
+    """What tells the present: a clock."""
+
+    def now_s(self) -> float:
+        """Return the present instant in seconds."""
+        ...
+
+
+class FramesByInstant(Protocol):
+    """Anything that has a frame for every instant."""
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the frame whose exposure ends at an instant."""
+        ...
+
+
+def frames_rendered() -> int:
+    """Return how many frames of the lab this process has drawn."""
+    return _Renderer.frames_of_process
+
+
+class ArmCamera:
+    """The handle that perception functions get as `camera`: it takes its frames now, by a clock."""
+
+    def __init__(self, frames: FramesByInstant, clock: Now) -> None:
+        self._frames = frames
+        self._clock = clock
+
+    def capture(self) -> Frame:
+        """Take a frame now."""
+        return self._frames.frame_at(self._clock.now_s())
+
+
+class FrameSource:
+    """The arm camera of one world. Close it, or use it in a `with` statement.
+
+    Attributes:
+        rendered: how many frames this source has drawn.
+    """
+
+    def __init__(self, world: LabWorld) -> None:
+        """Choose how to draw, and start the thread that draws.
+
+        Raises:
+            GraphicsUnavailableError: nothing here draws without a screen.
+        """
+        self._world = world
+        self._optics = _Optics(world)
+        self._frames: OrderedDict[float, Future[Frame]] = OrderedDict()
+        self._lock = Lock()
+        self._is_closed = False
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
+        self._renderer = self._thread.submit(_Renderer, gl.choose_backend()).result()
+        self.rendered = 0
+
+    def __enter__(self) -> FrameSource:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what the drawing thread owns and end it; harmless when done before."""
+        with self._lock:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            freed = self._thread.submit(self._renderer.free)
+        freed.result()
+        self._thread.shutdown(wait=True)
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the frame whose exposure ends at an instant; drawn at the first call for it.
+
+        Raises:
+            RuntimeError: the source is closed.
+        """
+        with self._lock:
+            if self._is_closed:
+                raise RuntimeError("the camera is closed")
+            drawing = self._frames.get(instant_s)
+            if drawing is None:
+                drawing = self._thread.submit(self._draw, instant_s)
+                self._frames[instant_s] = drawing
+                if len(self._frames) > _FRAMES_KEPT:
+                    self._frames.popitem(last=False)
+        return drawing.result()
+
+    def _draw(self, instant_s: float) -> Frame:
+        exposed = _average([self._renderer.draw(state) for state in exposure(self._world, instant_s)])
+        self.rendered += 1
+        _Renderer.count_frame()
+        return self._optics.frame(exposed, instant_s)
+
+
+class GreyFrameSource:
+    """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them."""
+
+    def __init__(self, world: LabWorld) -> None:
+        self._optics = _Optics(world)
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the grey frame of an instant."""
+        return self._optics.frame(np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8), instant_s)
+
+
+def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
+    """Return the states that a frame averages: one if nothing moves in the image, else about one a pixel of motion."""
+    end = world.state(instant_s)
+    if not world.moves_within(instant_s - EXPOSURE_S, instant_s):
+        return [end]
+    motion_px = image_motion_px(world.state(instant_s - EXPOSURE_S), end)
+    if motion_px < _SHARP_BELOW_PX:
+        return [end]
+    steps = min(_SUBFRAMES, ceil(motion_px) + 1)
+    return [world.state(instant_s - EXPOSURE_S * step / (steps - 1)) for step in reversed(range(steps))]
+
+
+class _Renderer:
+    """MuJoCo's drawing, in an OpenGL context that belongs to the thread that made it."""
+
+    frames_of_process: ClassVar[int] = 0
+    _counting: ClassVar[Lock] = Lock()
+
+    @classmethod
+    def count_frame(cls) -> None:
+        """Count one more frame of this process, whichever source drew it."""
+        with cls._counting:
+            cls.frames_of_process += 1
+
+    def __init__(self, backend: str) -> None:
+        self._stage = Stage()
+        self._context = gl.make_context(backend, INTRINSICS.width, INTRINSICS.height)
+        self._context.make_current()
+        self._mujoco_context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
+        self._scene = mujoco.MjvScene(self._stage.model, maxgeom=500)
+        for flag in _LEFT_OUT:
+            self._scene.flags[flag] = 0
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = self._stage.model.camera(CAMERA_NAME).id
+        self._rectangle = mujoco.MjrRect(0, 0, INTRINSICS.width, INTRINSICS.height)
+        self._options = mujoco.MjvOption()
+        self._perturbation = mujoco.MjvPerturb()
+
+    def draw(self, state: LabState) -> Pixels:
+        """Return the room in ordinary light through a perfect lens."""
+        self._stage.place(state)
+        mujoco.mjv_updateScene(
+            self._stage.model,
+            self._stage.data,
+            self._options,
+            self._perturbation,
+            self._camera,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._scene,
+        )
+        upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
+        mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+        mujoco.mjr_readPixels(upside_down, None, self._rectangle, self._mujoco_context)
+        return np.ascontiguousarray(np.flipud(upside_down))
+
+    def free(self) -> None:
+        """Give everything back, in the thread that made it."""
+        self._mujoco_context.free()
+        self._context.free()
+
+
+class _Optics:
+    """What lies between the room and a frame: light, lens, sensor, and where the robot believes its camera to be."""
+
+    def __init__(self, world: LabWorld) -> None:
+        self._world = world
+        bank = np.random.default_rng(7).normal(0.0, NOISE_GREYS, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
+        self._noise = np.round(bank).astype(np.int16)
+        self._mounting = _mounting_error(world.seed)
+
+    def frame(self, exposed: Pixels, instant_s: float) -> Frame:
+        """Return the frame that the sensor makes of an exposure in ordinary light."""
+        state = self._world.state(instant_s)
+        lit = cv2.convertScaleAbs(exposed, alpha=max(state.light, 0.0))
+        blurred = cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX)
+        pixels = np.asarray(cv2.add(blurred, self._noise_at(instant_s), dtype=cv2.CV_8U), dtype=np.uint8)
+        pixels.setflags(write=False)
+        believed = self._world.believed_map_from_robot(instant_s) @ state.robot_from_camera() @ self._mounting
+        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=instant_s)
+
+    def _noise_at(self, instant_s: float) -> NDArray[np.int16]:
+        """Return a piece of the noise bank, chosen by (seed, camera, instant)."""
+        random = Random(f"{self._world.seed} {CAMERA_NAME} {instant_s!r}")
+        top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
+        left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
+        return self._noise[top : top + INTRINSICS.height, left : left + INTRINSICS.width]
+
+
+def _average(pictures: list[Pixels]) -> Pixels:
+    if len(pictures) == 1:
+        return pictures[0]
+    total = np.zeros(pictures[0].shape, dtype=np.float32)
+    for picture in pictures:
+        cv2.accumulate(picture, total)
+    return np.asarray(cv2.convertScaleAbs(total, alpha=1 / len(pictures)), dtype=np.uint8)
+
+
+def _mounting_error(seed: int) -> Pose:
+    """Return by how much the calibration of the camera on the arm is off: a few millimetres and milliradians."""
+    random = Random(f"{seed} mounting")
+    axis = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 1.0))
+    offset_m = np.array([random.gauss(0.0, 0.002) for _ in range(3)])
+    return Pose(rotation_about(axis, random.gauss(0.0, 0.003)), offset_m)

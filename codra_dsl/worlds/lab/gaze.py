@@ -1,0 +1,128 @@
+"""Where the arm holds the camera for what: to look at a machine, to grip a part, to wait beside it.
+
+The gaze belongs to the action. It does not depend on who watches, and nothing here is chosen to suit an observer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import cos, sin
+from types import MappingProxyType
+
+import numpy as np
+
+from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.poses import Array, Pose, looking_at
+from codra_dsl.worlds.lab.scene import FINGER_TIP_M
+
+Gaze = tuple[float, ...]
+"""The camera's place and a point on its axis: six numbers in metres, in one frame."""
+
+_OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (1.15, 0.0, 0.90, 0.10, 0.0, 0.437),
+        "pcr_cycler": (0.92, 0.0, 0.64, 0.05, 0.0, 0.275),
+    }
+)
+"""The whole machine with its lid closed or open, in the machine's base frame."""
+
+_FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (1.12, -0.15, 0.88, 0.12, 0.0, 0.437),
+        "pcr_cycler": (0.88, -0.10, 0.58, 0.06, -0.02, 0.27),
+    }
+)
+"""The same from half left, to check the latch."""
+
+_INTO_THE_BOWL: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
+"""Down on the centrifuge's rotor, past its open lid."""
+
+_READY: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (0.85, 0.0, 0.78, 0.27, 0.0, 0.36),
+        "pcr_cycler": (0.86, 0.06, 0.60, 0.07, 0.02, 0.272),
+    }
+)
+"""Where the arm returns to after it touched a machine. That near, an open lid of the large one is out of view."""
+
+DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
+"""Down on the robot's own deck, to put a tray there or take it: in the robot's base frame."""
+
+_STANDING_OFF_M = 0.16
+"""How far the hand stays from a part before it grips and after it let go."""
+
+_GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
+    {
+        ("centrifuge", Part.LID): (0.515, 0.0, 0.065),
+        ("centrifuge", Part.LATCH): (0.0, 0.03, 0.0),
+        ("centrifuge", Part.ROTOR): (0.0, 0.0, 0.02),
+        ("pcr_cycler", Part.LID): (0.355, 0.0, 0.112),
+        ("pcr_cycler", Part.LATCH): (0.0, 0.015, 0.0),
+    }
+)
+"""Where the fingers hold a part, in the part's frame."""
+
+_PITCH_RAD: Mapping[Part, tuple[float, float]] = MappingProxyType(
+    {Part.LID: (0.55, 0.05), Part.LATCH: (0.45, 0.45), Part.ROTOR: (1.05, 1.05)}
+)
+"""How far down the hand points at the two ends of a part's motion."""
+
+_TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
+    {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23)}
+)
+"""Where a machine holds the sample tray, in its base frame."""
+
+
+def observation_gaze(machine: str, part: Part) -> Gaze:
+    """Return from where a part shows well, in the machine's base frame."""
+    if part is Part.ROTOR:
+        return _INTO_THE_BOWL
+    return _FROM_THE_SIDE[machine] if part is Part.LATCH else _OVERVIEW[machine]
+
+
+def ready_gaze(machine: str) -> Gaze:
+    """Return where the arm waits after it touched a machine, in the machine's base frame."""
+    return _READY[machine]
+
+
+def grip_gaze(machine: str, part: Part, angle_rad: float) -> Gaze:
+    """Return the gaze while the fingers hold a part whose joint is at an angle, in the machine's base frame."""
+    joint = MACHINES[machine].joint(part)
+    base_from_part = MACHINES[machine].map_from_base.inverse() @ MACHINES[machine].map_from_part(part, angle_rad)
+    low_rad, high_rad = joint.range_rad
+    first_rad, last_rad = _PITCH_RAD[part]
+    share = (angle_rad - low_rad) / (high_rad - low_rad)
+    pitch_rad = first_rad + (last_rad - first_rad) * share
+    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine, part])), pitch_rad)
+
+
+def tray_gaze(machine: str) -> Gaze:
+    """Return the gaze while the fingers hold the tray in a machine, in the machine's base frame."""
+    return _gaze_at_finger_tip(np.array(_TRAY_M[machine]), 0.95)
+
+
+def stand_off(gaze: Gaze) -> Gaze:
+    """Return a gaze drawn back along its own axis, so that the hand is clear of what it holds."""
+    eye_m, target_m = np.array(gaze[:3]), np.array(gaze[3:])
+    back_m = (eye_m - target_m) / np.linalg.norm(eye_m - target_m) * _STANDING_OFF_M
+    return _gaze(eye_m + back_m, target_m + back_m)
+
+
+def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
+    """Return a gaze given in a machine's base frame in another frame."""
+    return _gaze(*frame_from_machine.apply(np.array(gaze).reshape(2, 3)))
+
+
+def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float) -> Gaze:
+    """Return the gaze of a hand that comes from the machine's front, pointing down by a pitch, with its tip at a point.
+
+    The camera stands behind and above the fingers.
+    """
+    forward = np.array([-cos(pitch_rad), 0.0, -sin(pitch_rad)])
+    axes = looking_at(np.zeros(3), forward).rotation
+    eye_m = grip_m - axes @ np.array(FINGER_TIP_M)
+    return _gaze(eye_m, eye_m + 0.5 * forward)
+
+
+def _gaze(eye_m: Array, target_m: Array) -> Gaze:
+    return tuple(float(number) for number in (*eye_m, *target_m))

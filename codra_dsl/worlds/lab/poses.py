@@ -1,0 +1,66 @@
+"""Rigid transforms between frames. A pose named `map_from_base` takes points given in `base` to `map`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """A proper rotation followed by a translation.
+
+    Attributes:
+        rotation: shape (3, 3), orthonormal, determinant 1.
+        translation_m: shape (3,).
+    """
+
+    rotation: Array
+    translation_m: Array
+
+    @staticmethod
+    def identity() -> Pose:
+        """Return the pose that moves nothing."""
+        return Pose(np.eye(3), np.zeros(3))
+
+    @staticmethod
+    def planar(x_m: float, y_m: float, heading_rad: float) -> Pose:
+        """Return a pose in the plane z = 0, turned counter-clockwise about z."""
+        return Pose(rotation_about((0.0, 0.0, 1.0), heading_rad), np.array([x_m, y_m, 0.0]))
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Chain two poses: `(a_from_b @ b_from_c)` is `a_from_c`."""
+        return Pose(self.rotation @ other.rotation, self.rotation @ other.translation_m + self.translation_m)
+
+    def inverse(self) -> Pose:
+        """Return the pose that undoes this one."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
+
+    def apply(self, points_m: Array) -> Array:
+        """Transform points of shape (n, 3) or (3,)."""
+        moved: Array = points_m @ self.rotation.T + self.translation_m
+        return moved
+
+
+def rotation_about(axis: tuple[float, float, float], angle_rad: float) -> Array:
+    """Return the right-handed rotation, shape (3, 3), about an axis (Rodrigues)."""
+    direction = np.asarray(axis, dtype=np.float64)
+    x, y, z = direction / np.linalg.norm(direction)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    rotation: Array = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * (cross @ cross)
+    return rotation
+
+
+def looking_at(eye_m: Array, target_m: Array) -> Pose:
+    """Return `map_from_camera` for a camera at `eye_m` that looks at `target_m` with the horizon level.
+
+    The camera frame is OpenCV's: x right, y down, z forward. The map's z points up.
+    """
+    forward = (target_m - eye_m) / np.linalg.norm(target_m - eye_m)
+    right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
+    right /= np.linalg.norm(right)
+    return Pose(np.column_stack((right, np.cross(forward, right), forward)), np.asarray(eye_m, dtype=np.float64))

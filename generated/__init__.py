@@ -1,0 +1,1 @@
+"""What codra makes from specs, one package each; edits are lost. Renew: codra compile."""

@@ -1,0 +1,206 @@
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codra_dsl.check import RULES, check
+from codra_dsl.diagnostics import Severity, in_file_order
+from codra_dsl.load import load_text
+from tests.check.specs import DOOR, HERE, checked, edited, findings, sound
+
+CASES = Path(__file__).parents[1] / "cases"
+WORDS = sorted(set(re.findall(r"[A-Za-z_]\w*|\d+", DOOR)))
+
+
+def names_of(text: str) -> list[str]:
+    return [found.rule.name for found in findings(text)]
+
+
+def test_a_spec_without_faults_is_checked_without_findings() -> None:
+    spec = sound(DOOR)
+    assert list(spec.variables) == [variable.name for variable in spec.spec.context]
+    assert list(spec.algorithms) == ["measure_distance", "look_at_door"]
+
+
+def test_a_spec_with_an_error_is_not_handed_on() -> None:
+    spec, found = checked(edited(("markers >= 2", "markers >= 2 m")))
+    assert spec is None
+    assert [each.severity for each in found] == [Severity.ERROR]
+
+
+def test_a_spec_with_warnings_alone_is_handed_on() -> None:
+    spec, found = checked(edited(("door_locked: {type: bool}", "door_locked: {type: bool, refresh: on_event}")))
+    assert spec is not None
+    assert [each.severity for each in found] == [Severity.WARNING]
+
+
+def test_a_spec_that_could_not_be_read_whole_is_not_handed_on_though_nothing_else_is_wrong() -> None:
+    spec, found = load_text(edited(("preview:", "previw:")), "spec.yaml", HERE)
+    assert len(found) == 1
+    assert spec is not None
+    assert check(spec) == (None, ())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("  near_door: {type: bool, ", "  near_door: {type: boolean, "),
+        ("  vision: {slots: 1}", "  vision: {slots: none}"),
+        ("      - markers >= 2", "      - markers => 2"),
+        ("      - near_door\n", "      - near_door = true\n"),
+        ("      door_gap: width", "      door_gap: width and"),
+        ("    preview: [door_state, door_gap]", "    preview: door_state, door_gap"),
+        ("  page: {}", "  page: 3"),
+        ("call: house.perception:look_at_door", "call: house.perception.look_at_door"),
+        ("      angle: {type: float, unit: rad,", "      angle: {type: float, unit: radiant,"),
+        ("door: {identifies: [door_state,", "door: {identifes: [door_state,"),
+    ],
+)
+def test_what_could_not_be_read_silences_all_that_depends_on_it(old: str, new: str) -> None:
+    spec, found = load_text(edited((old, new)), "spec.yaml", HERE)
+    assert len(found) == 1
+    assert spec is not None
+    assert check(spec)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("edits", "rules"),
+    [
+        ([("near_door: {type: bool, when", "near_dor: {type: bool, when")], ["unknown-variable"]),
+        ([("robot_is_localized: {type", "robot_is_localised: {type")], ["unknown-variable"]),
+        ([("door_locked: {type: bool}", "door_loked: {type: bool}")], ["unknown-variable"]),
+        ([("identifies: {near_door: distance", "identifies: {near_dor: distance")], ["unknown-variable"]),
+        ([("monitor: [door_locked, people]", "monitor: [door_loked, people]")], ["unknown-variable"]),
+        ([("  vision: {slots: 1}", "  visions: {slots: 1}")], ["unknown-resource"]),
+        ([("      markers: {type: int", "      marker: {type: int")], ["unknown-returned-value"]),
+        ([("  page: {}", "  pages: {}")], ["unknown-source"]),
+        ([("values: [open, closed, ajar]", "values: [opened, closed, ajar]")], ["unknown-member"]),
+        ([("door_gap: {type: float, unit: cm", "door_gap: {type: float, unit: s")], ["mismatched-units"]),
+    ],
+)
+def test_one_wrong_declaration_gives_one_finding(edits: list[tuple[str, str]], rules: list[str]) -> None:
+    assert names_of(edited(*edits)) == rules
+
+
+def test_mistakes_that_have_nothing_to_do_with_each_other_are_all_found_in_file_order() -> None:
+    text = edited(
+        ("people: {type: int, source: [observer, page]}", "people: {type: int, source: [observer, pgae]}"),
+        ("uses: {base: read}", "uses: {base: command}"),
+        ("      markers: {type: int, range: [0, 12]}", "      markers: {type: int, range: [0, 1.5]}"),
+        ("      - markers >= 2", "      - markers >= 2 m"),
+        ("door_gap: width", "door_gap: latched"),
+        ("preview: [door_state, door_gap]", "preview: [door_state, camera]"),
+    )
+    found = findings(text)
+    expected = ["unknown-source", "commanded-resource", "wrong-range", "missing-unit", "wrong-value-identified"]
+    assert [each.rule.name for each in found] == [*expected, "wrong-kind-of-name"]
+    assert found == in_file_order(found)
+
+
+def test_a_mistake_in_a_template_is_one_finding_that_names_every_use() -> None:
+    spec, found = load_text((CASES / "invalid/mistake-in-a-template.yaml").read_text("utf-8"), "spec.yaml", HERE)
+    assert spec is not None
+    assert found == ()
+    for each in check(spec)[1]:
+        uses = {place.use.line for place in (each.place, *(other.place for other in each.related)) if place.use}
+        assert len(uses) == 2
+
+
+def test_twelve_unrelated_mistakes_are_twelve_findings() -> None:
+    text = (CASES / "invalid/twelve-mistakes.yaml").read_text("utf-8")
+    spec, found = load_text(text, "spec.yaml", HERE)
+    assert spec is not None
+    together = in_file_order((*found, *check(spec)[1]))
+    assert len(together) == 12
+    assert len({each.place.span.line for each in together}) == 12
+
+
+def test_every_finding_has_a_way_out_and_a_path_that_names_its_element() -> None:
+    for case in sorted((CASES / "invalid").glob("*.yaml")):
+        spec, _ = load_text(case.read_bytes(), case.name, case.parent)
+        for each in check(spec)[1] if spec is not None else ():
+            section, name, *_ = each.path.split(".")
+            assert each.help
+            assert section in ("context", "perception", "skills", "observers", "agents")
+            assert name
+
+
+def test_codes_and_names_of_rules_are_each_used_once() -> None:
+    assert len({rule.code for rule in RULES.values()}) == len(RULES)
+    assert all(re.fullmatch(r"CDR[34578]1\d\d", rule.code) for rule in RULES.values())
+
+
+def test_every_rule_has_a_case() -> None:
+    shown = "".join(path.read_text("utf-8") for path in sorted((CASES / "invalid").glob("*.txt")))
+    assert [rule.code for rule in RULES.values() if f"[{rule.code}]" not in shown] == []
+
+
+@settings(max_examples=150)
+@given(st.lists(st.tuples(st.integers(0, 200), st.sampled_from([*WORDS, "", "known", "3 m", "not"])), max_size=3))
+def test_a_spec_with_exchanged_words_is_judged_without_an_exception(exchanges: list[tuple[int, str]]) -> None:
+    text = DOOR
+    for index, word in exchanges:
+        places = [*re.finditer(r"[A-Za-z_]\w*|\d+", text)]
+        place = places[index % len(places)]
+        text = text[: place.start()] + word + text[place.end() :]
+    spec, _ = load_text(text, "spec.yaml", HERE)
+    lines = text.splitlines()
+    for found in check(spec)[1] if spec is not None else ():
+        span = found.place.span
+        assert 1 <= span.line <= len(lines)
+        assert 1 <= span.column <= len(lines[span.line - 1]) + 1
+
+
+def test_decisions_are_what_skills_preview_and_monitor_in_order() -> None:
+    assert sound(DOOR).decisions == ("door_state", "door_gap", "door_locked", "people")
+
+
+def test_without_skills_every_variable_with_an_algorithm_is_decided_on() -> None:
+    head, skills, observers = DOOR.partition("skills:\n")[0], "", "observers:" + DOOR.partition("observers:")[2]
+    spec = sound(head + skills + observers)
+    assert spec.decisions == ("near_door", "door_state", "door_gap", "door_locked", "people")
+
+
+def test_conditions_come_lowered_with_the_names_that_they_read() -> None:
+    algorithm = sound(DOOR).algorithms["look_at_door"]
+    assert [(each.text, each.python, each.variables) for each in algorithm.observable_when] == [
+        ("near_door", 'value("near_door")', ("near_door",))
+    ]
+    by_name = dict(algorithm.identifies)
+    assert by_name["door_gap"].python == 'value("width") * 0.1'
+    assert by_name["door_locked"].python == 'value("latched") & (value("handle") == "level")'
+    assert by_name["door_locked"].variables == ("handle", "latched")
+    assert by_name["door_state"].text == "open: angle > 1 rad; ajar: angle > 5 deg; closed: angle <= 5 deg"
+    assert by_name["door_state"].python == (
+        'first_of(("open", value("angle") > 1), ("ajar", value("angle") > 0.08726646259971647), '
+        '("closed", value("angle") <= 0.08726646259971647))'
+    )
+    assert algorithm.needs == ("near_door", "robot_is_localized")
+
+
+def test_enter_and_leave_are_lowered_to_what_lies_between() -> None:
+    spec, _ = checked(
+        edited(
+            ('latched and handle == "level"', "{enter: latched, leave: markers == 0}"),
+            ("      people: faces", "      people: faces if markers > 1 else 0"),
+        )
+    )
+    assert spec is not None
+    by_name = dict(spec.algorithms["look_at_door"].identifies)
+    assert by_name["door_locked"].python == 'between(value("latched"), value("markers") == 0)'
+    assert by_name["door_locked"].variables == ("latched", "markers")
+    assert by_name["people"].python == 'choose(value("faces"), value("markers") > 1, 0)'
+
+
+def test_producers_are_listed_by_rank() -> None:
+    text = (CASES / "valid/trees.yaml").read_text("utf-8")
+    assert sound(text).producers["door_open"] == ("look_at_door", "feel_the_door")
+    only_open = edited(("{door_open: seen, door_locked: locked}", "{door_open: seen}\n    rank: 3"), text=text)
+    without = edited(("identifies: [door_locked, door_open]", "identifies: [door_open]"), text=only_open)
+    spec, _ = checked(without.replace("  door_locked: {type: bool}\n", "").replace("    changes: [door_locked]\n", ""))
+    assert spec is not None
+    assert spec.producers["door_open"] == ("feel_the_door", "look_at_door")

@@ -1,0 +1,490 @@
+"""`codra` in real processes: what goes where, how it ends, and that it never shows a traceback."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pygraphviz
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOOR = """\
+codra: 1
+name: door
+context:
+  door_open: {type: bool, valid_for: 5 s}
+perception:
+  measure_door:
+    call: some_robot.doors:measure
+    returns:
+      gap: {type: float, unit: m}
+    identifies:
+      door_open: gap > 40 cm
+skills:
+  pass_door:
+    preview: [door_open]
+"""
+MISSPELT = DOOR.replace("preview", "moniter")
+WITH_WARNING = DOOR.replace("perception:", "  unused: {type: bool, source: main_execution}\nperception:")
+MONITER = """\
+specs/door.yaml:14:5: error[CDR2003]: unknown key 'moniter' in skill 'pass_door'
+   |
+14 |     moniter: [door_open]
+   |     ^^^^^^^ help: did you mean 'monitor'?
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs/door.yaml").write_text(DOOR)
+    return tmp_path
+
+
+def environment(**settings: str) -> dict[str, str]:
+    kept = {
+        name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR", "GITHUB_ACTIONS")
+    }
+    return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", **settings}
+
+
+def codra(*arguments: str, cwd: Path, stdin: str = "", **settings: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "codra_dsl", *arguments],
+        cwd=cwd,
+        env=environment(**settings),
+        input=stdin,
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stdout + done.stderr
+    return done
+
+
+# Help and usage
+
+
+def test_help_imports_none_of_the_heavy_libraries() -> None:
+    program = (
+        "import sys; from codra_dsl.cli import main; sys.argv = ['codra', '--help']\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'yaml', 'networkx', 'jinja2', 'jsonschema', 'rich', 'numpy', 'py_trees', 'mujoco'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, env=environment(), text=True, capture_output=True, check=True
+    )
+
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert "compile" in done.stdout
+
+
+@pytest.mark.parametrize("command", [[], ["compile"], ["lint"], ["graph"]])
+def test_every_command_explains_itself(command: list[str]) -> None:
+    done = codra(*command, "--help", cwd=ROOT)
+
+    assert done.returncode == 0
+    assert done.stdout.startswith(" ".join(["Usage: codra", *command]))
+
+
+def test_the_version_is_printed() -> None:
+    assert codra("--version", cwd=ROOT).stdout.startswith("codra 0.")
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["lint"],
+        ["lint", "nowhere"],
+        ["compile", "nowhere.yaml"],
+        ["graph", "nowhere"],
+        ["lint", "specs", "--format", "xml"],
+        ["compile", "specs", "--out"],
+        ["graph", "specs", "--format", "full"],
+        ["lint", "specs", "--no-such-option"],
+        ["frobnicate"],
+        ["lint", "specs", "--output", "no/such/folder/findings.txt"],
+    ],
+)
+def test_a_mistake_of_usage_exits_with_2(project: Path, arguments: list[str]) -> None:
+    done = codra(*arguments, cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "Error" in done.stderr
+
+
+def test_specs_of_several_projects_are_taken_one_at_a_time(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    other = tmp_path_factory.mktemp("other")
+    (other / "window.yaml").write_text(DOOR)
+
+    done = codra("compile", "specs", str(other), cwd=project)
+
+    assert done.returncode == 2
+    assert "several projects" in done.stderr
+
+
+# lint
+
+
+def test_lint_prints_findings_to_standard_output_and_their_number_to_standard_error(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("lint", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout, done.stderr) == (1, MONITER, "1 error\n")
+
+
+def test_lint_of_good_specs_prints_nothing_to_standard_output(project: Path) -> None:
+    done = codra("lint", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "no findings\n")
+
+
+def test_paths_in_findings_are_relative_to_the_project_wherever_it_is_linted_from(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    assert codra("lint", "door.yaml", cwd=project / "specs").stdout == MONITER
+    assert codra("lint", str(project / "specs"), cwd=ROOT).stdout == MONITER
+
+
+@pytest.mark.parametrize(
+    ("form", "expected"),
+    [
+        ("full", MONITER),
+        (
+            "concise",
+            "specs/door.yaml:14:5: error[CDR2003]: unknown key 'moniter' in skill 'pass_door'"
+            " (did you mean 'monitor'?)\n",
+        ),
+    ],
+)
+def test_findings_have_forms_for_people(project: Path, form: str, expected: str) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    assert codra("lint", "specs", "--format", form, cwd=project).stdout == expected
+
+
+def test_findings_as_json_are_one_object_a_line(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT.replace("timeout", "").replace("gap: {", "gap: {uint: m, "))
+
+    done = codra("lint", "specs", "--format", "json", cwd=project)
+
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(each["code"], each["line"], each["column"]) for each in found] == [("CDR2003", 9, 13), ("CDR2003", 14, 5)]
+
+
+def test_findings_can_go_to_a_file(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("lint", "specs", "--output", "findings.txt", cwd=project)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert (project / "findings.txt").read_text() == MONITER
+
+
+def test_a_spec_can_come_by_standard_input(project: Path) -> None:
+    done = codra("lint", "-", cwd=project, stdin=MISSPELT)
+
+    assert (done.returncode, done.stdout) == (1, MONITER.replace("specs/door.yaml", "-"))
+
+
+def test_bytes_that_are_no_text_are_a_finding_too(project: Path) -> None:
+    command = [sys.executable, "-m", "codra_dsl", "lint", "-"]
+
+    done = subprocess.run(
+        command, cwd=project, env=environment(), input=b"codra: 1\nname: \xff\n", capture_output=True, check=False
+    )
+
+    assert done.returncode == 1
+    assert b"CDR1002" in done.stdout
+
+
+@pytest.mark.parametrize(("options", "code"), [([], 0), (["--fail-on", "warning"], 1), (["--fail-on", "error"], 0)])
+def test_warnings_fail_only_when_asked(project: Path, options: list[str], code: int) -> None:
+    (project / "specs/door.yaml").write_text(WITH_WARNING)
+
+    done = codra("lint", "specs", *options, cwd=project)
+
+    assert (done.returncode, done.stderr) == (code, "1 warning\n")
+
+
+# Colours
+
+
+@pytest.mark.parametrize(
+    ("options", "settings", "is_coloured"),
+    [
+        ([], {}, False),
+        (["--color", "always"], {}, True),
+        (["--color", "always"], {"NO_COLOR": "1"}, True),
+        (["--color", "never"], {}, False),
+    ],
+)
+def test_a_pipe_gets_colours_only_when_asked(
+    project: Path, options: list[str], settings: dict[str, str], is_coloured: bool
+) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("lint", "specs", *options, cwd=project, **settings)
+
+    assert ("\x1b[" in done.stdout) is is_coloured
+
+
+@pytest.mark.parametrize(
+    ("settings", "is_coloured"), [({}, True), ({"NO_COLOR": "1"}, False), ({"TERM": "dumb"}, False)]
+)
+def test_a_terminal_gets_colours_unless_it_says_no(project: Path, settings: dict[str, str], is_coloured: bool) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+    ours, theirs = pty.openpty()
+
+    with subprocess.Popen(
+        [sys.executable, "-m", "codra_dsl", "lint", "specs"],
+        cwd=project,
+        env=environment(TERM="xterm") | settings,
+        stdout=theirs,
+        stderr=subprocess.DEVNULL,
+    ) as process:
+        process.wait()
+    shown = os.read(ours, 65536)
+    os.close(theirs)
+    os.close(ours)
+
+    assert (b"\x1b[1;31merror" in shown) is is_coloured
+
+
+# compile
+
+
+def test_compile_writes_packages_and_says_so_on_standard_error(project: Path) -> None:
+    first, second = (codra("compile", "specs", cwd=project) for _ in range(2))
+
+    assert (first.returncode, first.stdout, first.stderr) == (0, "", "generated: 6 files, 6 written, 0 removed\n")
+    assert second.stderr == "generated: 6 files, 0 written, 0 removed\n"
+    assert (project / "generated/door/door.py").exists()
+
+
+def test_packages_go_to_the_projects_root_wherever_it_is_compiled_from(project: Path) -> None:
+    codra("compile", "door.yaml", cwd=project / "specs")
+
+    assert (project / "generated/door").is_dir()
+
+
+def test_without_a_project_packages_go_to_the_working_folder(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(DOOR)
+    (tmp_path / "elsewhere").mkdir()
+
+    codra("compile", "../door.yaml", cwd=tmp_path / "elsewhere")
+
+    assert (tmp_path / "elsewhere/generated/door").is_dir()
+
+
+def test_compile_writes_nothing_when_there_are_errors(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("compile", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout) == (1, MONITER)
+    assert not (project / "generated").exists()
+
+
+def test_check_passes_on_what_was_written_even_after_it_was_imported(project: Path) -> None:
+    codra("compile", "specs", cwd=project)
+    subprocess.run(
+        [sys.executable, "-c", "import generated.door"],
+        cwd=project,
+        env=environment(PYTHONDONTWRITEBYTECODE=""),
+        check=True,
+    )
+
+    done = codra("compile", "specs", "--check", cwd=project)
+
+    assert (project / "generated/door/__pycache__").exists()
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_check_writes_nothing_and_shows_what_is_missing(project: Path) -> None:
+    done = codra("compile", "specs", "--check", cwd=project)
+
+    assert done.returncode == 1
+    assert "+++ generated/door/door.py (as specified)\n" in done.stdout
+    assert "generated/door/door.py: missing\n" in done.stderr
+    assert not (project / "generated").exists()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "shown"),
+    [
+        (lambda folder: (folder / "door/door.py").write_text("x = 1\n"), "-x = 1\n"),
+        (lambda folder: (folder / "door/graph.json").unlink(), "+++ generated/door/graph.json (as specified)\n"),
+        (lambda folder: (folder / "door/extra.py").write_text("y = 2\n"), "-y = 2\n"),
+        (lambda folder: (folder / "__init__.py").write_text("z = 3\n"), "-z = 3\n"),
+    ],
+)
+def test_check_fails_with_a_diff_when_output_was_touched(project: Path, spoil: object, shown: str) -> None:
+    codra("compile", "specs", cwd=project)
+    assert callable(spoil)
+    spoil(project / "generated")
+
+    done = codra("compile", "specs", "--check", cwd=project)
+
+    assert done.returncode == 1
+    assert shown in done.stdout
+    assert codra("compile", "specs", cwd=project).returncode == 0
+    assert codra("compile", "specs", "--check", cwd=project).returncode == 0
+
+
+def test_drift_as_json_is_a_finding_for_each_file(project: Path) -> None:
+    codra("compile", "specs", cwd=project)
+    (project / "generated/door/door.py").write_text("x = 1\n")
+
+    done = codra("compile", "specs", "--check", "--format", "json", cwd=project)
+
+    (found,) = map(json.loads, done.stdout.splitlines())
+    assert (found["code"], found["file"]) == ("CDR6003", "generated/door/door.py")
+
+
+def test_a_folder_that_is_not_ours_is_refused_with_a_finding(project: Path) -> None:
+    (project / "src").mkdir()
+    (project / "src/robot.py").write_text("x = 1\n")
+
+    done = codra("compile", "specs", "--out", "src", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stdout.startswith("src:1:1: error[CDR6002]: 'src' holds files that codra did not make")
+    assert [path.name for path in (project / "src").iterdir()] == ["robot.py"]
+
+
+# graph
+
+
+def test_graph_prints_the_same_graph_in_each_form() -> None:
+    as_json = json.loads(codra("graph", "specs/lab.yaml", "--format", "json", cwd=ROOT).stdout)
+    as_dot = pygraphviz.AGraph(string=codra("graph", "specs/lab.yaml", cwd=ROOT).stdout)
+
+    assert {str(node) for node in as_dot.nodes()} == {node["id"] for node in as_json["nodes"]}
+    assert len(as_dot.edges()) == len(as_json["edges"])
+
+
+def test_graph_draws_into_a_file(project: Path) -> None:
+    done = codra("graph", "specs", "--format", "svg", "--output", "door.svg", cwd=project)
+
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "door_open" in (project / "door.svg").read_text()
+
+
+def test_graph_says_what_is_wrong_on_standard_error(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("graph", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{MONITER}1 error\n")
+
+
+# Endings
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_stops_reading_is_no_reason_for_noise(project: Path, unbuffered: str) -> None:
+    """More output than a pipe holds, and a reader that takes one byte."""
+    names = [f"measured_{number}" for number in range(3000)]
+    context = "".join(f"  {name}: {{type: bool, source: main_execution}}\n" for name in names)
+    (project / "specs/door.yaml").write_text(DOOR.replace("perception:", f"{context}perception:"))
+
+    with subprocess.Popen(
+        [sys.executable, "-m", "codra_dsl", "lint", "specs"],
+        cwd=project,
+        env=environment(PYTHONUNBUFFERED=unbuffered),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.read(1)
+        process.stdout.close()
+        noise = process.stderr.read()
+
+    assert (process.returncode, noise) == (1, b"")
+
+
+def _heed_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def test_interruption_ends_with_130(project: Path) -> None:
+    """More input than a pipe holds can only be written while the command reads; it never gets to the end."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "codra_dsl", "lint", "-"],
+        cwd=project,
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=_heed_interrupts,  # a shell makes jobs in the background ignore them  # noqa: PLW1509
+    ) as process:
+        assert process.stdin is not None
+        process.stdin.write(b"# waiting\n" * 50_000)
+        process.stdin.flush()
+        while process.poll() is None:  # a signal just before a read begins does not end that read
+            process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=2)
+
+        assert process.returncode == 130
+        assert process.stderr is not None
+        assert b"Traceback" not in process.stderr.read()
+
+
+def interrupt(process: subprocess.Popen[bytes]) -> None:
+    """Send what Ctrl-C sends until it is noticed: between two reads Python notices it only after the next."""
+    while process.returncode is None:
+        process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(2)
+
+
+BROKEN_INSIDE = """
+import codra_dsl.compiler as pipeline
+def plan(checked): raise KeyError("door_open")
+pipeline.plan = plan
+import sys
+from codra_dsl.cli import main
+sys.argv = ["codra", "lint", "specs"]
+main()
+"""
+
+
+def test_a_bug_of_ours_says_so_and_exits_with_70(project: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BROKEN_INSIDE],
+        cwd=project,
+        env=environment(),
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+
+    assert (done.returncode, done.stdout) == (70, "")
+    assert done.stderr.startswith("codra: internal error: KeyError: 'door_open' (codra_dsl/compiler.py:")
+    assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_without_unicode_still_gets_its_findings(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT.replace("moniter", "möniter"), "utf-8")
+
+    done = codra("lint", "specs", cwd=project, PYTHONIOENCODING="ascii")
+
+    assert done.returncode == 1
+    assert "m\\xf6niter" in done.stdout

@@ -1,0 +1,127 @@
+"""`lint`, `compile` and `graph` are inert: Python's audit hooks see them read specs and write output, nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SPEC = """\
+codra: 1
+name: door
+context:
+  door_open: {type: bool, valid_for: 5 s, label: 'QUOTES; import os; os.system("true") #'}
+perception:
+  measure_door:
+    call: dangerous_robot:measure
+    with: {text: '__import__("dangerous_robot")'}
+    returns:
+      gap: {type: float, unit: m}
+    identifies:
+      door_open: gap > 40 cm
+""".replace("QUOTES", '"' * 3)
+WATCH = """
+import json, os, sys
+
+seen = []
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
+
+def watch(event, arguments):
+    if event == "open":
+        path, mode, flags = arguments
+        writes = flags & WRITING if isinstance(flags, int) else any(letter in (mode or "") for letter in "wax+")
+        if writes and isinstance(path, str):
+            seen.append(("write", os.path.abspath(path)))
+    elif event == "exec":
+        seen.append(("exec", str(getattr(arguments[0], "co_filename", ""))))
+    elif event == "import":
+        seen.append(("import", str(arguments[0])))
+    elif event.split(".")[0] in ("socket", "subprocess", "pty", "ctypes", "urllib") or event in (
+        *("os.system", "os.exec", "os.fork", "os.forkpty", "os.spawn", "os.posix_spawn", "os.startfile"),
+        *("os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "shutil.rmtree"),
+    ):
+        path = str(arguments[0]) if arguments else ""
+        seen.append((event, os.path.abspath(path) if event.startswith(("os.r", "os.m", "shutil")) else path))
+
+sys.addaudithook(watch)
+from codra_dsl.cli import main
+try:
+    main()
+finally:
+    events, seen = seen, []
+    with open(os.environ["EVENTS"], "w") as stream:
+        json.dump(events, stream)
+"""
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "project").mkdir()
+    (tmp_path / "project/pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "project/door.yaml").write_text(SPEC)
+    (tmp_path / "project/dangerous_robot.py").write_text("raise SystemExit('it was imported')\n")
+    return tmp_path / "project"
+
+
+def watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
+    """Run a command and return what it did, as far as Python tells."""
+    events = project.parent / "events.json"
+    path = f"{ROOT}{os.pathsep}{project}"
+    done = subprocess.run(
+        [sys.executable, "-c", WATCH, *arguments],
+        cwd=project,
+        env={**os.environ, "PYTHONPATH": path, "EVENTS": str(events), "PYTHONDONTWRITEBYTECODE": "1"},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return [(event, what) for event, what in json.loads(events.read_text())]
+
+
+WRITES = {"write", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree"}
+COMMANDS = [
+    ["lint", "."],
+    ["compile", "."],
+    ["compile", ".", "--check"],
+    ["graph", "."],
+    ["graph", ".", "--format", "json"],
+    ["graph", ".", "--format", "svg"],
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_a_command_reads_specs_and_writes_output_and_nothing_else(project: Path, command: list[str]) -> None:
+    watched(project, "compile", ".")
+    (project / "generated/door/door.py").unlink()
+    if command == ["compile", ".", "--check"]:
+        watched(project, "compile", ".")
+
+    seen = watched(project, *command)
+
+    files = {path for event, path in seen if event in WRITES}
+    code = {path for event, path in seen if event == "exec" and not Path(path).is_absolute() and path[:1] != "<"}
+    imports = {name for event, name in seen if event == "import"}
+    others = {event for event, _ in seen} - WRITES - {"exec", "import"}
+
+    assert ("import", "codra_dsl.compiler") in seen
+    assert {path for path in files if not f"{path}/".startswith(f"{project}/generated/")} == set()
+    assert files == set() or command == ["compile", "."]
+    assert code == set()
+    assert "dangerous_robot" not in imports
+    assert not any(name.split(".")[0] in ("generated", "door") for name in imports)
+    assert others == set()
+
+
+def test_the_watch_sees_what_it_is_to_see(project: Path) -> None:
+    (project / "door.yaml").write_text(SPEC.replace("gap > 40 cm", "gap > 50 cm"))
+
+    seen = watched(project, "compile", ".", "--out", "elsewhere")
+
+    assert any(event == "write" and "/elsewhere/.codra-" in path for event, path in seen)
+    assert ("import", "jinja2") in seen

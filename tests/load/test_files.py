@@ -1,0 +1,203 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.load import load_spec, load_text, spec_files
+from codra_dsl.load.parts import MAX_INCLUDE_DEPTH
+
+SPEC = "codra: 1\nname: kitchen\n"
+PART = "codra: 1\nresources: {camera: {}}\n"
+
+
+def write(root: Path, **texts: str) -> None:
+    """Write files: `parts__jar` stands for parts/jar.yaml."""
+    for name, text in texts.items():
+        path = root / f"{name.replace('__', '/')}.yaml"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+
+
+def rules(path: Path, root: Path) -> list[str]:
+    return [found.rule.name for found in load_spec(path, root)[1]]
+
+
+def test_parts_are_read_in_the_order_in_which_they_are_included(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        specs__kitchen=f"{SPEC}include: [parts/b.yaml, parts/a.yaml]\nresources: {{arm: {{}}}}\n",
+        specs__parts__a="codra: 1\nresources: {a: {}}\n",
+        specs__parts__b="codra: 1\ninclude: [../c.yaml]\nresources: {b: {}}\n",
+        specs__c="codra: 1\nresources: {c: {}}\n",
+    )
+    spec, findings = load_spec(tmp_path / "specs" / "kitchen.yaml", tmp_path)
+
+    assert findings == ()
+    assert spec is not None
+    assert spec.files == ("specs/kitchen.yaml", "specs/parts/b.yaml", "specs/c.yaml", "specs/parts/a.yaml")
+    assert [resource.name for resource in spec.resources] == ["arm", "b", "c", "a"]
+
+
+def test_a_template_may_come_from_a_part_that_another_part_includes(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        kitchen=f"{SPEC}include: [uses.yaml]\n",
+        uses="codra: 1\ninclude: [jar.yaml]\nuse: {sugar: {template: jar}}\n",
+        jar="codra: 1\ntemplates: {jar: {resources: {$(instance)_lid: {}}}}\n",
+    )
+    spec, findings = load_spec(tmp_path / "kitchen.yaml", tmp_path)
+
+    assert findings == ()
+    assert spec is not None
+    place = spec.resources[0].place
+    assert (place.span.file, place.use and place.use.file) == ("jar.yaml", "uses.yaml")
+
+
+def test_a_link_inside_the_project_is_followed_and_one_that_leads_out_is_not(tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    write(tmp_path, secret=PART)
+    write(project, real=PART, inside=f"{SPEC}include: [link.yaml]\n", outside=f"{SPEC}include: [way_out.yaml]\n")
+    (project / "link.yaml").symlink_to("real.yaml")
+    (project / "way_out.yaml").symlink_to("../secret.yaml")
+    (project / "folder").symlink_to("..")
+    write(project, around=f"{SPEC}include: [folder/secret.yaml]\n")
+
+    assert rules(project / "inside.yaml", project) == []
+    assert rules(project / "outside.yaml", project) == ["part-outside-project"]
+    assert rules(project / "around.yaml", project) == ["part-outside-project"]
+
+
+def test_a_part_is_the_same_under_any_name(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [jar.yaml, link.yaml]\n", jar=PART)
+    (tmp_path / "link.yaml").symlink_to("jar.yaml")
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["part-included-twice"]
+
+
+def test_a_spec_that_includes_itself_is_told_the_way_round(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [jar.yaml]\n", jar="codra: 1\ninclude: [kitchen.yaml]\n")
+    _, (found,) = load_spec(tmp_path / "kitchen.yaml", tmp_path)
+
+    assert found.rule.name == "part-includes-itself"
+    assert "kitchen.yaml -> jar.yaml -> kitchen.yaml" in found.message
+
+
+def test_a_chain_of_includes_ends_at_the_limit(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [part0.yaml]\n")
+    write(tmp_path, **{f"part{n}": f"codra: 1\ninclude: [part{n + 1}.yaml]\n" for n in range(MAX_INCLUDE_DEPTH + 5)})
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["too-many-parts"]
+
+
+@pytest.mark.parametrize(
+    ("path", "rule"),
+    [
+        ("/etc/passwd", "part-outside-project"),
+        ("~/part.yaml", "part-outside-project"),
+        ("../part.yaml", "part-outside-project"),
+        ("a/../../part.yaml", "part-outside-project"),
+        ("parts\\\\jar.yaml", "part-outside-project"),
+        ("missing.yaml", "part-not-found"),
+        (".", "part-not-found"),
+        ("", "wrong-length"),
+        ("http://example.org/part.yaml", "part-not-found"),
+        ("x" * 5000, "part-not-found"),
+        ("a\\u0085b.yaml", "control-character"),
+    ],
+)
+def test_a_path_that_leads_nowhere_good_is_reported(tmp_path: Path, path: str, rule: str) -> None:
+    write(tmp_path, kitchen=f'{SPEC}include: ["{path}"]\n')
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == [rule]
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [pipe.yaml]\n")
+    os.mkfifo(tmp_path / "pipe.yaml")
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["part-not-found"]
+    assert rules(tmp_path / "pipe.yaml", tmp_path) == ["cannot-read"]
+
+
+def test_a_link_that_leads_to_itself_is_reported(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [loop.yaml]\n")
+    (tmp_path / "loop.yaml").symlink_to("loop.yaml")
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["part-not-found"]
+    assert rules(tmp_path / "loop.yaml", tmp_path) == ["cannot-read"]
+
+
+def test_names_of_a_lost_part_are_not_missed(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        kitchen=f"{SPEC}include: [jar.yaml]\nuse: {{sugar: {{template: jar}}}}\n",
+        jar="codra: 1\ntemplates: [",
+    )
+
+    assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["yaml-syntax"]
+
+
+def test_a_file_that_is_not_there_outside_or_a_folder_is_reported(tmp_path: Path) -> None:
+    write(tmp_path, outside=SPEC)
+    (tmp_path / "project").mkdir()
+
+    assert rules(tmp_path / "project" / "none.yaml", tmp_path) == ["cannot-read"]
+    assert rules(tmp_path / "project", tmp_path) == ["cannot-read"]
+    assert rules(tmp_path / "outside.yaml", tmp_path / "project") == ["outside-project"]
+    assert rules(tmp_path / "nul\0.yaml", tmp_path) == ["cannot-read"]
+
+
+def test_parts_of_standard_input_are_looked_for_in_the_projects_folder(tmp_path: Path) -> None:
+    write(tmp_path, jar=PART)
+    spec, findings = load_text(f"{SPEC}include: [jar.yaml]\n", "-", tmp_path)
+
+    assert findings == ()
+    assert spec is not None
+    assert spec.files == ("-", "jar.yaml")
+    assert set(spec.origins.values()) == {"jar"}
+
+
+def test_specs_below_a_folder_are_found_and_other_files_left_alone(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        b__kitchen=SPEC,
+        a=f"{SPEC}resources: {{}}\n",
+        flow="{codra: 1, resources: {}, name: flow}\n",
+        late="resources: {name: {}}\nname: kitchen\n",
+        broken="codra: 1\nname: [\n",
+        part="codra: 1\nresources: {name: {}}\n",
+        compose="services: {web: {}}\nname: web\n",
+        numbers="- name: 1\n",
+        hidden__x="",
+    )
+    write(tmp_path / ".hidden", spec=SPEC)
+    (tmp_path / "spec.yml").write_text(SPEC, "utf-8")
+    (tmp_path / "spec.txt").write_text(SPEC, "utf-8")
+    files, findings = spec_files([tmp_path, tmp_path / "a.yaml"], tmp_path)
+
+    assert findings == ()
+    assert [file.relative_to(tmp_path).as_posix() for file in files] == [
+        "a.yaml",
+        "b/kitchen.yaml",
+        "broken.yaml",
+        "flow.yaml",
+        "late.yaml",
+        "spec.yml",
+    ]
+
+
+def test_a_folder_without_specs_is_reported(tmp_path: Path) -> None:
+    write(tmp_path, part=PART)
+    files, (found,) = spec_files([tmp_path], tmp_path)
+
+    assert (files, found.rule.name) == ((), "no-spec")
+
+
+def test_a_file_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
+    write(tmp_path, part=PART)
+    files, findings = spec_files([tmp_path / "part.yaml", tmp_path / "none.yaml"], tmp_path)
+
+    assert findings == ()
+    assert [rules(file, tmp_path) for file in files] == [["cannot-read"], ["part-without-spec"]]

@@ -1,0 +1,67 @@
+"""Specs as texts, for the tests of this folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from codra_dsl.diagnostics import Diagnostic, Place, Span
+from codra_dsl.load import load_text
+from codra_dsl.model import Algorithm, Condition, Spec, Variable
+
+NOWHERE = Path(__file__).parent
+
+ALGORITHM = """
+codra: 1
+name: kitchen
+context: {near: {type: bool}}
+perception:
+  look:
+    call: kitchen.perception:look
+    returns: {x: {type: float}, state: {type: str}}
+    identifies: {near: x > 3}
+"""
+
+
+def loaded(text: str | bytes) -> tuple[Spec | None, tuple[Diagnostic, ...]]:
+    return load_text(text, "-", NOWHERE)
+
+
+def spec_of(text: str) -> Spec:
+    """Return a spec that must give no finding."""
+    spec, findings = loaded(text)
+    assert findings == ()
+    assert spec is not None
+    return spec
+
+
+def findings_of(text: str | bytes) -> tuple[Diagnostic, ...]:
+    return loaded(text)[1]
+
+
+def rules_of(text: str | bytes) -> list[str]:
+    return [found.rule.name for found in findings_of(text)]
+
+
+def variable_of(keys: str) -> Variable:
+    """Return a context-variable with these keys, written as a flow mapping."""
+    return spec_of(f"codra: 1\nname: kitchen\ncontext: {{near: {{{keys}}}}}\n").context[0]
+
+
+def algorithm_of(keys: str) -> Algorithm:
+    """Return a perception algorithm with these keys besides those that it must have, each line indented by four."""
+    return spec_of(ALGORITHM + keys).perception[0]
+
+
+def condition_of(keys: str) -> Condition:
+    """Return the one condition under `accept_when`."""
+    (condition,) = algorithm_of(keys).accept_when
+    return condition
+
+
+def marked(text: str, place: Place | Span) -> str:
+    """Return what a place in a text marks."""
+    span = place if isinstance(place, Span) else place.span
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")[span.line - 1 : span.end_line]
+    lines[-1] = lines[-1][: span.end_column - 1]
+    lines[0] = lines[0][span.column - 1 :]
+    return "\n".join(lines)

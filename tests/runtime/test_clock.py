@@ -1,0 +1,275 @@
+"""Simulated time and real time: events, waiting, work."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.runtime import Clock, SimClock, WallClock
+from codra_dsl.runtime.clock import Cancelled, LockedClock, Work
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def wall() -> Iterator[WallClock]:
+    with WallClock() as clock:
+        yield clock
+
+
+# Simulated time
+
+
+def test_time_passes_only_while_somebody_sleeps() -> None:
+    clock = SimClock(100.0)
+    assert clock.now_s() == 100.0
+    clock.sleep(2.5)
+    assert clock.now_s() == 102.5
+
+
+def test_events_happen_in_the_order_of_their_instants_then_of_their_scheduling() -> None:
+    clock, happened = SimClock(), []
+    for name, instant_s in [("b", 2.0), ("a", 1.0), ("c", 2.0), ("late", 9.0), ("past", -5.0)]:
+        clock.call_at(instant_s, lambda name=name: happened.append((name, clock.now_s())))
+    assert happened == []
+    clock.sleep(2.0)
+    assert happened == [("past", 0.0), ("a", 1.0), ("b", 2.0), ("c", 2.0)]
+
+
+def test_an_event_of_this_instant_that_another_schedules_happens_at_this_instant() -> None:
+    clock, happened = SimClock(), []
+    clock.call_at(1.0, lambda: clock.call_at(1.0, lambda: happened.append(clock.now_s())))
+    clock.sleep(1.0)
+    assert happened == [1.0]
+
+
+def test_a_cancelled_event_does_not_happen_and_an_infinite_one_never_does() -> None:
+    clock, happened = SimClock(), []
+    clock.call_at(1.0, lambda: happened.append("cancelled")).cancel()
+    clock.call_at(math.inf, lambda: happened.append("never"))
+    clock.sleep(5)
+    with pytest.raises(RuntimeError, match="wait for ever"):
+        clock.wait_until(lambda: False, math.inf)
+    assert happened == []
+    assert clock.now_s() == 5
+
+
+def test_waiting_ends_when_it_is_ready_or_over() -> None:
+    clock, ready = SimClock(), []
+    clock.call_at(3.0, lambda: ready.append(True))
+    assert not clock.wait_until(lambda: bool(ready), 2.0)
+    assert clock.now_s() == 2.0
+    assert clock.wait_until(lambda: bool(ready), 9.0)
+    assert clock.now_s() == 3.0
+
+
+@pytest.mark.parametrize("duration_s", [-1.0, math.nan])
+def test_time_does_not_run_backwards(duration_s: float, wall: WallClock) -> None:
+    for clock in (SimClock(), wall):
+        with pytest.raises(ValueError, match="a duration is zero or more seconds"):
+            clock.sleep(duration_s)
+        with pytest.raises(ValueError, match="a duration is zero or more seconds"):
+            clock.wait_until(lambda: False, duration_s)
+
+
+def test_simulated_work_runs_at_once_and_is_delivered_when_its_time_is_over() -> None:
+    clock, told = SimClock(), []
+
+    def run(work: Work) -> float:
+        told.append(("ran", clock.now_s()))
+        work.sleep(1.5)
+        work.sleep(0.5)
+        return work.now_s()
+
+    clock.call_at(1.0, lambda: clock.start(run, lambda outcome: told.append((outcome, clock.now_s()))))
+    clock.sleep(2.9)
+    assert told == [("ran", 1.0)]
+    clock.sleep(0.1)
+    assert told == [("ran", 1.0), (3.0, 3.0)]
+
+
+def test_cancelled_work_comes_to_its_end_at_once_in_either_time(wall: WallClock) -> None:
+    """In real time its next `sleep` raises."""
+    for clock in (SimClock(), wall):
+        delivered: list[str] = []
+
+        def run(work: Work) -> str:
+            try:
+                work.sleep(3600)
+            except Cancelled:
+                return "cancelled"
+            return "slept"
+
+        def deliver(outcome: str, clock: Clock = clock, delivered: list[str] = delivered) -> None:
+            delivered.append(outcome)
+            clock.notify()
+
+        work = clock.start(run, deliver)
+        clock.sleep(0.01)
+        start_s = clock.now_s()
+        work.cancel()
+        assert work.cancelled
+        assert clock.wait_until(lambda delivered=delivered: len(delivered) == 1, 60)
+        assert clock.now_s() - start_s < 60
+        clock.sleep(0.01)
+        assert len(delivered) == 1
+
+
+def test_nothing_waits_inside_an_event() -> None:
+    clock, errors = SimClock(), []
+
+    def waits() -> None:
+        with pytest.raises(RuntimeError, match=r"must not wait on the clock: use job\.sleep"):
+            clock.sleep(1)
+        errors.append("told")
+
+    clock.call_at(1.0, waits)
+    clock.start(lambda _: waits(), lambda _: None)
+    clock.sleep(2)
+    assert errors == ["told", "told"]
+
+
+def test_simulated_time_belongs_to_one_thread() -> None:
+    clock, told = SimClock(), []
+
+    def elsewhere() -> None:
+        for call in (lambda: clock.sleep(1), lambda: clock.call_at(1, lambda: None)):
+            with pytest.raises(RuntimeError, match="belongs to the thread that made it: use WallClock"):
+                call()
+            told.append(True)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert told == [True, True]
+
+
+# Real time
+
+
+def test_real_events_happen_in_a_thread_of_their_own_and_wake_who_waits(wall: WallClock) -> None:
+    threads: list[str] = []
+
+    def happen() -> None:
+        threads.append(threading.current_thread().name)
+        wall.notify()
+
+    wall.call_at(wall.now_s() + 0.01, happen)
+    assert wall.wait_until(lambda: bool(threads), 60)
+    assert threads == ["codra-clock"]
+
+
+def test_an_event_that_fails_does_not_take_the_others_with_it(
+    wall: WallClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    happened: list[bool] = []
+
+    def exits() -> None:
+        raise SystemExit
+
+    wall.call_at(wall.now_s(), lambda: 1 // 0)
+    wall.call_at(wall.now_s(), exits)
+    wall.call_at(wall.now_s() + 0.01, lambda: (happened.append(True), wall.notify()))
+    assert wall.wait_until(lambda: bool(happened), 60)
+    assert [record.message for record in caplog.records] == ["an event failed"] * 2
+
+
+def test_an_event_must_not_wait_in_real_time_either(wall: WallClock) -> None:
+    told: list[str] = []
+
+    def waits() -> None:
+        for call in (lambda: wall.sleep(1), lambda: wall.wait_until(lambda: False, 1)):
+            with pytest.raises(RuntimeError, match="must not wait on the clock"):
+                call()
+        told.append("told")
+        wall.notify()
+
+    wall.call_at(wall.now_s(), waits)
+    assert wall.wait_until(lambda: bool(told), 60)
+
+
+def test_whoever_waits_on_a_clock_that_is_closed_is_told_that_nothing_came() -> None:
+    clock, answers = WallClock(), []
+    thread = threading.Thread(target=lambda: answers.append(clock.wait_until(lambda: False, math.inf)))
+    thread.start()
+    clock.close()
+    thread.join(60)
+    assert answers == [False]
+
+
+def test_a_wait_may_be_of_any_length(wall: WallClock) -> None:
+    for timeout_s in (1e30, math.inf):
+        assert wall.wait_until(lambda: True, timeout_s)
+    told: list[str] = []
+
+    def run(work: Work) -> None:
+        with pytest.raises(Cancelled):
+            work.sleep(math.inf)
+        told.append("cancelled")
+
+    wall.start(run, lambda _: wall.notify()).cancel()
+    assert wall.wait_until(lambda: bool(told), 60)
+
+
+def test_a_real_clock_shows_the_time_of_day_or_what_it_is_told() -> None:
+    with WallClock(5.0) as told, WallClock() as day:
+        assert 5.0 <= told.now_s() < 65.0
+        assert day.now_s() > 1.7e9
+
+
+def test_events_of_a_locked_clock_hold_the_lock_and_work_does_not(wall: WallClock) -> None:
+    lock = threading.RLock()
+    clock, held = LockedClock(wall, lock), {}
+
+    def is_free() -> bool:
+        taken: list[bool] = []
+
+        def take() -> None:
+            taken.append(lock.acquire(blocking=False))
+            if taken[0]:
+                lock.release()
+
+        thread = threading.Thread(target=take)
+        thread.start()
+        thread.join()
+        return taken[0]
+
+    def run(_: Work) -> None:
+        held["work"] = not is_free()
+
+    def happen(what: str) -> None:
+        held[what] = not is_free()
+        clock.notify()
+
+    clock.call_at(clock.now_s(), lambda: happen("event"))
+    assert clock.wait_until(lambda: "event" in held, 60)
+    clock.start(run, lambda _: happen("delivery"))
+    assert clock.wait_until(lambda: "delivery" in held, 60)
+    assert held == {"event": True, "work": False, "delivery": True}
+
+
+HANGS = """
+import sys, threading, time
+from codra_dsl.runtime import WallClock
+clock = WallClock()
+started = threading.Event()
+def hang(work):
+    started.set()
+    time.sleep(3600)
+clock.start(hang, print)
+started.wait()
+print("end", flush=True)
+"""
+
+
+def test_a_process_ends_though_work_hangs() -> None:
+    with subprocess.Popen([sys.executable, "-c", HANGS], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "end\n"
+        assert process.wait(timeout=2) == 0

@@ -1,0 +1,60 @@
+"""The record of a run, as lines of JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from codra_dsl.runtime import Record, SimClock
+from codra_dsl.runtime.cell import Reason
+from codra_dsl.runtime.journal import Event, Kind, Scribe
+from tests.runtime.door import Door, started
+
+
+def test_an_event_is_one_line_and_what_is_not_finite_is_null() -> None:
+    event = Event(
+        1.5, Kind.VARIABLE, "Tür", "identified", {"value": math.nan, "evidence_s": [0, math.inf], "text": "a\nb"}
+    )
+    assert event.as_json() == (
+        '{"instant_s": 1.5, "kind": "variable", "name": "Tür", "what": "identified",'
+        ' "value": null, "evidence_s": [0, null], "text": "a\\nb"}'
+    )
+
+
+def test_nested_values_are_written_too() -> None:
+    event = Event(0.0, Kind.JOB, "eye", "returned", {"values": {"angle": math.inf, "why": Reason.FAILED}})
+    assert json.loads(event.as_json())["values"] == {"angle": None, "why": "failed"}
+
+
+def test_a_scribe_tells_the_record_at_the_instant_of_its_clock() -> None:
+    clock, record = SimClock(), Record()
+    scribe = Scribe(record, clock)
+    clock.sleep(2)
+    scribe.tell(Kind.OBSERVER, "lid", "started", name="a detail may have any name")
+    assert [(event.instant_s, event.name, event.details) for event in record] == [
+        (2, "lid", {"name": "a detail may have any name"})
+    ]
+
+
+def test_a_record_holds_everything_that_happened_in_order() -> None:
+    with started(Door(angle_rad=1.0)) as (manager, clock):
+        manager.expect("open_door")
+        clock.sleep(1.2)
+        with manager.skill("open_door") as skill:
+            manager.decide("open", lambda: None)
+            with skill.acting():
+                clock.sleep(0.1)
+    lines = [json.loads(line) for line in manager.record.text().splitlines()]
+    assert len(lines) == len(manager.record)
+    assert [line["instant_s"] for line in lines] == sorted(line["instant_s"] for line in lines)
+    assert {line["kind"] for line in lines} == set(Kind)
+    assert [(line["kind"], line["name"], line["what"]) for line in lines[:8]] == [
+        ("variable", "localized", "identified"),
+        ("declaration", "open", "declared"),
+        ("observer", "door_lid", "started"),
+        ("observer", "door_distance", "started"),
+        ("job", "measure_distance", "started"),
+        ("job", "measure_distance", "returned"),
+        ("variable", "near", "identified"),
+        ("job", "look", "started"),
+    ]

@@ -1,0 +1,49 @@
+"""Whole specs: those in cases/valid give no finding, those in cases/invalid exactly the expected text of all findings.
+
+A case is a file NAME.yaml, or a folder NAME with spec.yaml and its parts; NAME.txt has the expected text. Renew those
+with `pytest tests/test_cases.py --renew-cases`, and read the diff.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.check import check
+from codra_dsl.diagnostics import in_file_order
+from codra_dsl.load import load_spec
+from codra_dsl.report.findings import render_full
+
+CASES = Path(__file__).parent / "cases"
+
+
+def cases(folder: str) -> list[Path]:
+    found = [path for path in (CASES / folder).iterdir() if path.is_dir() or path.suffix == ".yaml"]
+    assert found
+    return sorted(found)
+
+
+def all_findings(case: Path) -> str:
+    """Return the findings of load and check about a case as people read them."""
+    path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
+    spec, findings = load_spec(path, root)
+    if spec is not None:
+        findings += check(spec)[1]
+    return render_full(in_file_order(findings), lambda file: (root / file).read_text("utf-8", errors="replace"))
+
+
+@pytest.mark.parametrize("case", cases("valid"), ids=lambda case: case.stem)
+def test_a_valid_spec_gives_no_finding(case: Path) -> None:
+    assert all_findings(case) == ""
+
+
+@pytest.mark.parametrize("case", cases("invalid"), ids=lambda case: case.stem)
+def test_an_invalid_spec_gives_exactly_the_expected_findings(case: Path, renew_cases: bool) -> None:
+    expected = case.with_suffix(".txt")
+    found = all_findings(case)
+    if renew_cases:
+        expected.write_text(found, "utf-8")
+
+    assert found == expected.read_text("utf-8")
+    assert found != ""

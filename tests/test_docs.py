@@ -1,0 +1,83 @@
+"""Every code block of README and docs runs, page by page, in a folder of its own, as a reader would follow it.
+
+The info string of a block says what it is: `yaml file=PATH` and `python file=PATH` are written to that file, `python`
+runs, `console` runs each line after `$ ` and shows exactly what it prints (`console exit=1` where it fails), `text` is
+for reading only.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
+KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page."""
+
+    kind: str
+    options: dict[str, str]
+    body: str
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    """Yield the blocks of a page, in order."""
+    for match in FENCE.finditer(page.read_text(encoding="utf-8")):
+        kind, *options = match["info"].split()
+        yield Block(kind, dict(option.split("=", 1) for option in options), match["body"])
+
+
+def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command of a page in its folder."""
+    environment = os.environ | {"PYTHONPATH": str(folder), "NO_COLOR": "1", "COLUMNS": "120"}
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
+    environment.pop("GITHUB_ACTIONS", None)
+    return subprocess.run(
+        command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
+    )
+
+
+def run_console(block: Block, folder: Path) -> None:
+    """Run a block's commands and compare what they print."""
+    for part in re.split(r"^\$ ", block.body, flags=re.MULTILINE)[1:]:
+        command, _, expected = part.partition("\n")
+        done = run(shlex.split(command), folder)
+
+        assert done.stdout.strip() == expected.strip(), command
+        assert done.returncode == int(block.options.get("exit", "0")), done.stdout
+
+
+def follow(block: Block, folder: Path) -> None:
+    """Do what a reader does with a block."""
+    if "file" in block.options:
+        path = folder / block.options["file"]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.body, encoding="utf-8")
+    elif block.kind == "console":
+        run_console(block, folder)
+    elif block.kind == "python":
+        done = run([sys.executable, "-W", "error", "-c", block.body], folder)
+
+        assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_block_of_a_page_does_what_the_page_says(page: Path, tmp_path: Path) -> None:
+    found = list(blocks(page))
+
+    assert all(block.kind in KINDS for block in found), "an unknown kind of block would not be run"
+    for block in found:
+        follow(block, tmp_path)

@@ -1,0 +1,206 @@
+"""The rules of the house that no single room can hold: floors, sizes, packaging, and tests that all run."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import zipfile
+from collections.abc import Iterator, Mapping
+from importlib.metadata import distribution
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[1]
+COMPILER_LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "jinja2", "networkx", "typer", "rich")
+LONGEST_FUNCTION_LINES = 70
+LONGEST_FILE_LINES = 500
+
+IMPORT_THE_RUNTIME = """
+import importlib, pkgutil, sys
+for name in sys.argv[1:]:
+    sys.modules[name] = None
+import codra_dsl.runtime, generated
+for package in (codra_dsl.runtime, generated):
+    for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
+        importlib.import_module(module.name)
+"""
+
+
+def run(*command: str | Path, cwd: Path = ROOT, env: Mapping[str, str] | None = None) -> str:
+    """Run a command, require that it succeeds, and return all that it printed."""
+    done = subprocess.run(
+        command, cwd=cwd, env=env, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
+    )
+    assert done.returncode == 0, done.stdout
+    return done.stdout
+
+
+def sources(folder: str) -> dict[str, str]:
+    texts = {str(path.relative_to(ROOT)): path.read_text("utf-8") for path in sorted((ROOT / folder).rglob("*.py"))}
+    assert texts
+    return texts
+
+
+def nodes(folder: str) -> Iterator[tuple[str, ast.AST]]:
+    for path, text in sources(folder).items():
+        for node in ast.walk(ast.parse(text)):
+            yield path, node
+
+
+# Floors
+
+
+def test_each_floor_imports_only_what_is_below_it() -> None:
+    output = run(Path(sys.executable).with_name("lint-imports"), "--no-cache")
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"]["contracts"]
+
+    assert f"Contracts: {len(contracts)} kept, 0 broken." in output
+
+
+def test_the_runtime_and_generated_code_import_without_the_libraries_of_the_compiler() -> None:
+    run(sys.executable, "-c", IMPORT_THE_RUNTIME, *COMPILER_LIBRARIES)
+
+
+def imported_names(node: ast.AST) -> list[str]:
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and not node.level:
+        return [node.module or ""]
+    return []
+
+
+def test_generated_code_imports_py_trees_and_the_runtime_only() -> None:
+    allowed = re.compile(r"(py_trees|codra_dsl\.runtime|generated)(\.|$)")
+    foreign = [
+        f"{path} imports {name}"
+        for path, node in nodes("generated")
+        for name in imported_names(node)
+        if name.split(".")[0] not in sys.stdlib_module_names and not allowed.match(name)
+    ]
+
+    assert foreign == []
+
+
+# Sizes
+
+
+@pytest.mark.parametrize("folder", ["codra_dsl", "generated", "tests"])
+def test_no_function_is_longer_than_a_screen(folder: str) -> None:
+    lengths = {
+        f"{path}:{node.lineno} {node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
+        for path, node in nodes(folder)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    }
+
+    assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION_LINES} == {}
+
+
+def test_no_file_is_too_long_to_be_held_in_the_head() -> None:
+    lengths = {path: text.count("\n") for path, text in sources("codra_dsl").items()}
+
+    assert {path: length for path, length in lengths.items() if length > LONGEST_FILE_LINES} == {}
+
+
+# Tests
+
+
+def test_every_test_runs_and_none_may_fail() -> None:
+    """Neither skipped nor expected to fail, by a mark, a call, an exception or a name of unittest's."""
+    escapes = {"skip", "skipif", "xfail", "importorskip", "skipTest", "skipIf", "skipUnless", "SkipTest"}
+    escapes |= {"expectedFailure", "collect_ignore", "collect_ignore_glob", "__test__"}
+    found = [
+        f"{path}:{node.lineno} {name}"
+        for path, node in nodes("tests")
+        for name in [getattr(node, "attr", None) or getattr(node, "id", None)]
+        if isinstance(node, ast.Attribute | ast.Name) and name in escapes
+    ]
+
+    assert found == []
+
+
+def test_the_readme_has_one_line_of_system_packages() -> None:
+    """`make` prints this line and `.ci/run` runs it."""
+    lines = re.findall(r"^apt-get install .*$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
+
+    assert [line.split(" python3-venv ")[0] for line in lines] == ["apt-get install --no-install-recommends"]
+
+
+# Packaging
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def test_the_wheel_holds_the_package_and_nothing_beside_it(wheel: Path) -> None:
+    """Every file that the package has in the repository, and no specs, tests or generated code."""
+    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    present = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "codra_dsl").rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
+    }
+
+    assert packed == present
+    assert {"codra_dsl/schema.json", "codra_dsl/py.typed"} <= packed
+    assert any(re.fullmatch(r"codra_dsl/emit/.*\.(j2|jinja)", name) for name in packed)
+
+
+@pytest.fixture(scope="module")
+def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the unpacked wheel and the distributions that it requires when no extra is asked for."""
+    folder = tmp_path_factory.mktemp("site")
+    run(sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index", "--target", folder, wheel)
+    metadata = next(folder.glob("codra_dsl-*.dist-info/METADATA")).read_text("utf-8")
+    wanted = needed(re.findall(r"^Requires-Dist: (.*)$", metadata, re.MULTILINE))
+    linked = set[str]()
+    while wanted:
+        name = wanted.pop()
+        if name not in linked:
+            linked.add(name)
+            link(name, folder)
+            wanted += needed(distribution(name).requires or [])
+    return folder
+
+
+def needed(declared: list[str]) -> list[str]:
+    """The names of the requirements that hold here without an extra."""
+    requirements = [Requirement(line) for line in declared]
+    return [each.name for each in requirements if each.marker is None or each.marker.evaluate({"extra": ""})]
+
+
+def link(name: str, folder: Path) -> None:
+    found = distribution(name)
+    for top in sorted({path.parts[0] for path in found.files or []} - {"..", "__pycache__"}):
+        if not (folder / top).exists():
+            (folder / top).symlink_to(str(found.locate_file(top)))
+
+
+def test_an_installed_wheel_compiles_a_spec_outside_the_repository(site: Path, tmp_path: Path) -> None:
+    """The one that README.md shows."""
+    (spec,) = re.findall(r"^```yaml\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    (tmp_path / "door.yaml").write_text(spec, "utf-8")
+    python = (sys.executable, "-S", "-B")  # -S: nothing that is installed beside `site`
+    env = {"PYTHONPATH": str(site), "PATH": os.environ["PATH"]}
+
+    run(*python, "-m", "codra_dsl", "compile", "door.yaml", "--out", "generated", cwd=tmp_path, env=env)
+    run(*python, "-m", "codra_dsl", "compile", "door.yaml", "--out", "generated", "--check", cwd=tmp_path, env=env)
+    printed = run(*python, "-c", "import generated.door as d; print(d.__file__)", cwd=tmp_path, env=env)
+
+    assert printed.strip() == str(tmp_path / "generated/door/__init__.py")
+
+
+def test_the_wheel_installs_the_command(wheel: Path) -> None:
+    entry_points = next(name for name in zipfile.ZipFile(wheel).namelist() if name.endswith("/entry_points.txt"))
+
+    assert "codra = codra_dsl.cli:main" in zipfile.ZipFile(wheel).read(entry_points).decode()
