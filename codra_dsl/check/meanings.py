@@ -44,7 +44,7 @@ def forms_of_identification(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
 
 def commanded_resources(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """An observer is passive: it reads, and never controls hardware (P1, section 3.2)."""
-    for algorithm in scope.spec.perception:
+    for algorithm in (*scope.spec.perception, *scope.spec.partial):
         for usage in algorithm.uses:
             if usage.access is Access.COMMAND:
                 yield finding(

@@ -195,7 +195,11 @@ def _not_declared(
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         return _told("wrong-kind-of-name", message, f"name {NOUNS[section]} here", first, others)
-    near = None if way_out else scope.nearest(first.name, section, scope.names(section))
+    near = (
+        None
+        if way_out
+        else scope.nearest(first.name, section, scope.names(section) | scope.spec.damaged.get(section, frozenset()))
+    )
     known_way = f"did you mean '{near}'?" if near else f"declare '{first.name}' under '{section}'"
     rule, noun = _UNKNOWN[section]
     return _told(rule, f"unknown {noun} '{first.name}' in {first.user}", way_out or known_way, first, others)

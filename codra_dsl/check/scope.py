@@ -191,6 +191,18 @@ class Scope:
         unread = self.spec.damaged.get(section, frozenset())
         return isinstance(unread, AnyName) or not self._sections[section].issuperset(unread)
 
+    @cached_property
+    def partly_identified(self) -> frozenset[str]:
+        """The context-variables that damaged algorithms identify."""
+        return frozenset(entry.variable.name for algorithm in self.spec.partial for entry in algorithm.identifies)
+
+    @property
+    def knows_all_identified(self) -> bool:
+        """Return whether every algorithm, be it damaged, tells what it identifies."""
+        unread = self.spec.damaged.get("perception", frozenset())
+        told = {algorithm.name for algorithm in self.spec.partial if algorithm.identifies}
+        return not isinstance(unread, AnyName) and (self.names("perception") | told).issuperset(unread)
+
     def other_kind(self, name: str, wanted: str) -> str | None:
         """Return what a name is, if it is something else than an element of the section `wanted`."""
         return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)

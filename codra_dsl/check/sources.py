@@ -12,7 +12,7 @@ from codra_dsl.model import Algorithm, ObserverSetting, Reference
 
 def unidentified_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """A variable is identified by an algorithm or says who else writes it."""
-    if scope.lost("perception"):
+    if not scope.knows_all_identified:
         return
     for variable in scope.variables.values():
         name = variable.name
@@ -20,6 +20,7 @@ def unidentified_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]
         others = len(variable.sources) - len(observed)
         if (
             name in scope.producers
+            or name in scope.partly_identified
             or name in faults.meant
             or not faults.sound("context", name)
             or (others and not observed)
@@ -86,12 +87,14 @@ def incomplete_first_alternative(scope: Scope, _: Faults) -> Iterator[Diagnostic
 
 def observers_without_algorithm(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """`observers` names only variables that an algorithm identifies."""
-    if scope.lost("perception"):
+    if not scope.knows_all_identified:
         return
     for setting in scope.spec.observers:
         for reference in setting.identifies:
             variable = scope.variables.get(reference.name)
             if variable is None or reference.name in scope.producers or reference.name in faults.meant:
+                continue
+            if reference.name in scope.partly_identified:
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"

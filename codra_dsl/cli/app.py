@@ -52,6 +52,7 @@ def _codra(
 
 def command_line() -> int:
     """Run the command line and return its exit code; a reader that has gone is no reason for noise."""
+    _replace_closed_streams()
     _escape_what_the_terminal_lacks()
     try:
         code = _run()
@@ -84,6 +85,14 @@ def _last_place(error: Exception) -> str:
     if not ours:
         return "outside codra"
     return f"{Path(ours[-1].filename).relative_to(package.parent).as_posix()}:{ours[-1].lineno}"
+
+
+def _replace_closed_streams() -> None:
+    """Let what is written to a closed stream go nowhere; Python has None in its place."""
+    if sys.stdout is None:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
 
 
 def _escape_what_the_terminal_lacks() -> None:

@@ -121,8 +121,16 @@ def write_result(text: str, output: Path | None = None) -> None:
     """Write a result to standard output, or to the file that was asked for."""
     if output is None:
         # In pieces: with PYTHONUNBUFFERED a single write to a reader that has gone would be cut off without an error.
-        for start in range(0, len(text), _PIECE):
-            sys.stdout.write(text[start : start + _PIECE])
+        try:
+            for start in range(0, len(text), _PIECE):
+                sys.stdout.write(text[start : start + _PIECE])
+            sys.stdout.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+            print(f"codra: cannot write to standard output: {error.strerror}", file=sys.stderr)
+            raise typer.Exit(ExitCode.FAILED) from error
         return
     try:
         output.write_text(text, "utf-8", errors="backslashreplace")

@@ -65,9 +65,9 @@ def build_variable(reader: Reader) -> Variable | None:
     return None if reader.damaged else variable
 
 
-def build_algorithm(reader: Reader) -> Algorithm | None:
-    """Return a perception algorithm."""
-    algorithm = Algorithm(
+def build_algorithm(reader: Reader) -> Algorithm:
+    """Return a perception algorithm as far as it can be read; `reader.damaged` tells whether that is all of it."""
+    return Algorithm(
         name=reader.subject.name,
         place=reader.place,
         call=_read_call(reader),
@@ -84,7 +84,6 @@ def build_algorithm(reader: Reader) -> Algorithm | None:
         rank=reader.number("rank", 1),
         places=reader.places(_places_of_parameters(reader)),
     )
-    return None if reader.damaged else algorithm
 
 
 def build_skill(reader: Reader) -> Skill | None:

@@ -41,12 +41,14 @@ class Elements:
     Attributes:
         built: by section and name, in the order of files and uses.
         damaged: names by section of elements that could not be read whole.
+        partial: algorithms that could not be read whole, as far as they could.
         origins: the module of each element, by section and name.
     """
 
     def __init__(self, findings: Findings) -> None:
         self.built: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
         self.damaged: dict[str, set[str]] = {section: set() for section in SECTIONS}
+        self.partial: list[Algorithm] = []
         self.origins: dict[tuple[str, str], str] = {}
         self._findings = findings
         self._taken: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
@@ -71,8 +73,10 @@ class Elements:
         """Build an element; one that is not right is read only for what else is wrong with it."""
         section, name = reader.subject.section, reader.subject.name
         element = _BUILDERS[section](reader)
-        if not right or element is None:
+        if not right or element is None or reader.damaged:
             self.damaged[section].add(name)
+            if isinstance(element, Algorithm):
+                self.partial.append(element)
             return
         self.built[section][name] = element
         self.origins[section, name] = reader.origin.module

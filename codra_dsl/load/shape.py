@@ -21,6 +21,7 @@ from codra_dsl.load.findings import Findings
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
 from codra_dsl.load.origin import Subject
 from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
+from codra_dsl.units import duration_help
 
 if TYPE_CHECKING:
     from jsonschema.exceptions import ValidationError
@@ -316,6 +317,8 @@ class _Explanation:
             return "unknown-value", f"{named} cannot be {shown(error.data)}", way_out
         if isinstance(node, ScalarNode) and not node.text:
             return "wrong-type", f"{named} has no value; it must be {title}", example
+        if isinstance(node, ScalarNode) and title.startswith("a duration"):
+            return "wrong-type", f"{named} must be {title}, not {_found(node)}", duration_help(node.text)
         return "wrong-type", f"{named} must be {title}, not {_found(node)}", example
 
     def _trapped(self, error: _Error) -> bool:

@@ -141,7 +141,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             self._declarations.hold(MAIN, (*self._declarations.of(MAIN), name))
             if value is not None:
-                self._write(name, content)
+                self._write(name, content, self._clock.now_s())
 
     def withdraw(self, name: VariableName) -> None:
         """Take back what `declare` said; what a skill declares stays declared."""
@@ -209,7 +209,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             if not self._may_write(name):
                 raise NotDeclaredError(f"{name!r} is for {', '.join(model.sources)} to write: declare it first")
-            self._write(name, content)
+            self._write(name, content, self._clock.now_s())
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
         """Return the kept readings of a variable, by the instant of their evidence."""
@@ -256,7 +256,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         if known and not shadow:
             self._decided(name, "answered", asked_s, reading)
             return reading.value
-        before = reading
+        before, looked_s = reading, self._clock.now_s()
         try:
             found = otherwise()
         except BaseException as error:
@@ -268,7 +268,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         else:
             self._decided(name, "fell_back", asked_s, before, found=content)
         if not shadow:
-            self._keep(name, content)
+            self._keep(name, content, looked_s)
         return found
 
     @contextmanager
@@ -338,7 +338,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     def _may_write(self, name: str) -> bool:
         return MAIN in self._store.variables[name].sources or name in self._declarations
 
-    def _write(self, name: str, content: Value | None) -> None:
+    def _write(self, name: str, content: Value | None, start_s: float) -> None:
         now_s = self._clock.now_s()
         reason = Reason.REJECTED if content is None else None
         self._store.write(
@@ -347,7 +347,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 content=content,
                 reason=reason,
                 evidence_s=now_s,
-                start_s=now_s,
+                start_s=start_s,
                 identified_s=now_s,
                 source=MAIN,
             )
@@ -360,10 +360,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         except NotOfTypeError:
             return None
 
-    def _keep(self, name: str, content: Value | None) -> None:
+    def _keep(self, name: str, content: Value | None, looked_s: float) -> None:
+        """Take what the main execution found by looking, which it began to do at `looked_s`, as evidence."""
         with self._lock:
             if content is not None and self._may_write(name):
-                self._write(name, content)
+                self._write(name, content, looked_s)
 
     def _invalidate(self, skill: SkillModel) -> None:
         with self._lock:

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import pty
+import shlex
 import signal
 import subprocess
 import sys
@@ -488,3 +489,13 @@ def test_a_terminal_without_unicode_still_gets_its_findings(project: Path) -> No
 
     assert done.returncode == 1
     assert "m\\xf6niter" in done.stdout
+
+
+def test_a_full_device_or_a_closed_standard_output_ends_without_a_traceback(project: Path) -> None:
+    for redirection, code in ((">/dev/full", 1), (">&-", 0)):
+        command = f"{shlex.quote(sys.executable)} -m codra_dsl graph specs {redirection}"
+        done = subprocess.run(
+            ["/bin/sh", "-c", command], cwd=project, env=environment(), text=True, capture_output=True, check=False
+        )
+
+        assert (done.returncode, "Traceback" in done.stderr, "internal" in done.stderr) == (code, False, False)
