@@ -1,4 +1,4 @@
-"""Elements: nodes of the right shape -> values of the model."""
+"""Elements: nodes -> values of the model. What cannot be read has its default, and the reader lists its key."""
 
 from __future__ import annotations
 
@@ -44,12 +44,11 @@ _CALL = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
 _CONFIRM = re.compile(r"([0-9]{1,9})\s+of\s+([0-9]{1,9})")
 
 
-def build_variable(reader: Reader) -> Variable | None:
+def build_variable(reader: Reader) -> Variable:
     """Return a context-variable."""
-    type_read = read_type(reader, reader.node)
-    variable = Variable(
+    return Variable(
         name=reader.subject.name,
-        type=type_read or ValueType(kind=Kind.BOOL),
+        type=read_type(reader, reader.node),
         place=reader.place,
         label=reader.text("label", reader.subject.name),
         description=reader.text("description", ""),
@@ -62,7 +61,6 @@ def build_variable(reader: Reader) -> Variable | None:
         node=reader.text("of", "context"),
         places=reader.places(),
     )
-    return None if reader.damaged else variable
 
 
 def build_algorithm(reader: Reader) -> Algorithm:
@@ -86,9 +84,9 @@ def build_algorithm(reader: Reader) -> Algorithm:
     )
 
 
-def build_skill(reader: Reader) -> Skill | None:
+def build_skill(reader: Reader) -> Skill:
     """Return a skill."""
-    skill = Skill(
+    return Skill(
         name=reader.subject.name,
         place=reader.place,
         preview=reader.references("preview"),
@@ -96,12 +94,11 @@ def build_skill(reader: Reader) -> Skill | None:
         changes=reader.references("changes"),
         places=reader.places(),
     )
-    return None if reader.damaged else skill
 
 
-def build_observer(reader: Reader) -> ObserverSetting | None:
+def build_observer(reader: Reader) -> ObserverSetting:
     """Return what is set for an observer."""
-    observer = ObserverSetting(
+    return ObserverSetting(
         name=reader.subject.name,
         place=reader.place,
         identifies=reader.references("identifies"),
@@ -109,18 +106,17 @@ def build_observer(reader: Reader) -> ObserverSetting | None:
         priority=reader.number("priority", 0),
         places=reader.places(),
     )
-    return None if reader.damaged else observer
 
 
-def build_resource(reader: Reader) -> Resource | None:
+def build_resource(reader: Reader) -> Resource:
     """Return a resource."""
     slots = reader.number("slots", 0)
-    return None if reader.damaged else Resource(name=reader.subject.name, place=reader.place, slots=slots or None)
+    return Resource(name=reader.subject.name, place=reader.place, slots=slots or None)
 
 
-def build_agent(reader: Reader) -> Agent | None:
+def build_agent(reader: Reader) -> Agent:
     """Return an agent."""
-    return None if reader.damaged else Agent(name=reader.subject.name, place=reader.place)
+    return Agent(name=reader.subject.name, place=reader.place)
 
 
 def _read_call(reader: Reader) -> str:
@@ -147,7 +143,7 @@ def _read_parameters(reader: Reader) -> Iterable[tuple[str, Literal]]:
         if check_name(key, "an argument", reader.subject, reader.findings, "with", key.text):
             yield key.text, read_literal(reader, value, "with", key.text)
         else:
-            reader.damaged = True
+            reader.damage("with")
 
 
 def _places_of_parameters(reader: Reader) -> Iterable[tuple[str, tuple[int, int]]]:
@@ -157,34 +153,41 @@ def _places_of_parameters(reader: Reader) -> Iterable[tuple[str, tuple[int, int]
 
 def _read_uses(reader: Reader) -> Iterable[Usage]:
     for key, value in entries(reader.node.value("uses")):
-        if isinstance(value, ScalarNode) and not value.reported:
+        if isinstance(value, ScalarNode) and value.text in tuple(Access) and not (key.reported or value.reported):
             place = reader.origin.of(value)
             yield Usage(resource=reader.reference(key), access=Access(value.text), place=place)
         else:
-            reader.damaged = True
+            reader.damage("uses")
 
 
 def _read_returns(reader: Reader) -> Iterable[Returned]:
     taken: dict[str, str] = {}
     for key, node in entries(reader.node.value("returns")):
-        if not isinstance(node, MappingNode):
-            continue
         if not check_name(key, "a returned value", reader.subject, reader.findings, "returns"):
-            reader.damaged = True
+            reader.damage("returns")
             continue
         first = taken.setdefault(key.text.casefold(), key.text)
         if first != key.text:
             message = f"the returned values {shown(first)} and {shown(key.text)} differ only in case"
             reader.fail("duplicate-name", message, key, "rename one of them", "returns", key.text)
-        type_read = read_type(reader, node, "returns", key.text)
-        optional = node.value("optional")
-        if type_read is not None and (optional is None or isinstance(optional, ScalarNode)):
-            is_optional = optional is not None and optional.data is True
-            yield Returned(name=key.text, type=type_read, optional=is_optional, place=reader.origin.of(key))
+        yield _read_returned(reader, key, node)
+
+
+def _read_returned(reader: Reader, key: ScalarNode, node: YamlNode) -> Returned:
+    place, steps = reader.origin.of(key), ("returns", key.text)
+    if not isinstance(node, MappingNode):
+        reader.damage(*steps)
+        return Returned(name=key.text, type=ValueType(kind=Kind.BOOL), optional=False, place=place)
+    optional = node.value("optional")
+    is_optional = optional is not None and optional.data is True
+    return Returned(name=key.text, type=read_type(reader, node, *steps), optional=is_optional, place=place)
 
 
 def _read_identifies(reader: Reader) -> Iterable[Identification]:
     for key, node in entries(reader.node.value("identifies")):
+        if key.reported:
+            reader.damage("identifies")
+            continue
         steps = ("identifies", key.text)
         yield Identification(variable=reader.reference(key), by=_read_identification(reader, node, *steps))
 
@@ -195,11 +198,14 @@ def _read_identification(reader: Reader, node: YamlNode, *steps: str) -> Conditi
     place = reader.origin.of(node)
     if not {"enter", "leave", "confirm"} & node.entries.keys():
         cases = tuple(
-            (reader.reference(key), read_condition(reader, value, *steps, key.text)) for key, value in entries(node)
+            (reader.reference(key), read_condition(reader, value, *steps, key.text))
+            for key, value in entries(node)
+            if not key.reported
         )
         return Members(cases=cases, place=place)
     enter, leave = node.value("enter"), node.value("leave")
-    reader.damaged = reader.damaged or enter is None
+    if enter is None:
+        reader.damage(*steps)
     return Hysteresis(
         enter=Condition(text="", tree=None, place=place) if enter is None else read_condition(reader, enter, *steps),
         leave=None if leave is None else read_condition(reader, leave, *steps),

@@ -49,7 +49,7 @@ def whole_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
 
 def read_condition(reader: Reader, node: YamlNode, *steps: str) -> Condition:
     """Return one condition; its tree is None, and a finding says why, where it does not parse."""
-    condition = parsed(reader, node, *condition_text(reader, node))
+    condition = parsed(reader, node, *condition_text(reader, node), steps)
     if condition.tree is not None:
         _note_comment(reader, node, condition, steps)
     elif not node.reported:
@@ -70,11 +70,12 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
     return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
 
 
-def parsed(reader: Reader, node: YamlNode, text: str, letters: Letters) -> Condition:
+def parsed(reader: Reader, node: YamlNode, text: str, letters: Letters, steps: tuple[str, ...]) -> Condition:
     """Return a condition with its tree, or without one where it does not parse or a finding stands already."""
     place = reader.origin.of(node)
     tree = None if node.reported else _tree(text)
-    reader.damaged = reader.damaged or not isinstance(tree, Node)
+    if not isinstance(tree, Node):
+        reader.damage(*steps)
     placed = PlacedLetters(reader.origin.place, letters) if letters else None
     return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed)
 

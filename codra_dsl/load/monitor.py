@@ -40,7 +40,7 @@ class _Entry:
         """Return what is expected."""
         words = _WORDS.fullmatch(self._text)
         if self._node.reported or words is None:
-            self._reader.damaged = True
+            self._reader.damage("monitor")
             return None
         variable = Reference(name=words["name"], place=self._place(*words.span("name")))
         place = self._reader.origin.of(self._node)
@@ -97,10 +97,9 @@ class _Entry:
             return None
         head = f"{variable.name} " if _COMPARED.match(value) else f"{variable.name} == "
         runs = (*cut(self._runs, 0, len(variable.name), 0), *cut(self._runs, start, end, len(head)))
-        condition = parsed(self._reader, self._node, head + value, runs)
+        condition = parsed(self._reader, self._node, head + value, runs, self._steps)
         tree = condition.tree
         if tree is None:
-            self._reader.damaged = True
             report_syntax(self._reader, self._node, condition, self._steps)
             return None
         if not isinstance(tree, Compare) or len(tree.rest) != 1 or not isinstance(tree.first, Name):

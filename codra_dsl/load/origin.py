@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from codra_dsl.diagnostics import Place, Span
@@ -20,6 +21,15 @@ NOUNS = {
     "use": "use",
 }
 """What an entry of each section is called."""
+
+
+def damaged_key(steps: Sequence[str | int]) -> str:
+    """Return how `Spec.damaged_keys` lists what steps lead to within an element: KEY, or KEY.NAME for an entry.
+
+    Entries of `returns` and `identifies` stand for themselves: one that is damaged leaves the others as they are.
+    """
+    apart = len(steps) > 1 and steps[0] in ("returns", "identifies") and isinstance(steps[1], str)
+    return ".".join(map(str, steps[:2] if apart else steps[:1]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Reads the keys of one element, whose shape is known to be right, and remembers whether all of it could be read."""
+"""Reads the keys of one element as far as they are right, and remembers which of them could not be read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from codra_dsl.diagnostics import Place
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode, visible_range
-from codra_dsl.load.origin import Subject
+from codra_dsl.load.origin import Subject, damaged_key
 from codra_dsl.model import Places, Reference
 from codra_dsl.units import duration_help, parse_duration
 
@@ -34,16 +34,19 @@ class Reader:
     """One element and what was found in it.
 
     Attributes:
-        damaged: whether something in it could not be read, so that the element must be left out.
+        damaged: the keys that could not be read and have their default, as `Spec.damaged_keys` lists them.
         suspects: comments that may have been meant as conditions.
     """
 
-    def __init__(self, subject: Subject, node: MappingNode, findings: Findings) -> None:
+    def __init__(
+        self, subject: Subject, node: MappingNode, findings: Findings, damaged: frozenset[str] = frozenset()
+    ) -> None:
+        """Begin; of the keys in `damaged` it is known already that they cannot be read."""
         self.subject = subject
         self.node = node
         self.findings = findings
         self.origin = subject.origin
-        self.damaged = False
+        self.damaged = set(damaged)
         self.suspects: list[Suspect] = []
 
     @property
@@ -51,9 +54,13 @@ class Reader:
         """The place of the element's name."""
         return self.origin.of(self.subject.key)
 
+    def damage(self, *steps: str) -> None:
+        """Note that what `steps` lead to could not be read."""
+        self.damaged.add(damaged_key(steps))
+
     def fail(self, rule: str, message: str, where: YamlNode | Place, way_out: str, *steps: str) -> None:
-        """Report what is wrong at a place in the element, which is damaged by it."""
-        self.damaged = True
+        """Report what is wrong at a place in the element, which `steps` lead to and which is damaged by it."""
+        self.damage(*steps)
         if isinstance(where, Place):
             self.findings.add(rule, message, where, help=way_out, path=self.subject.part(*steps))
         elif not where.reported:
@@ -65,7 +72,7 @@ class Reader:
         if node is None:
             return None
         if node.reported or not isinstance(node, ScalarNode):
-            self.damaged = True
+            self.damage(key)
             return None
         return node
 
@@ -105,13 +112,14 @@ class Reader:
     def references(self, key: str) -> tuple[Reference, ...]:
         """Return the names in a list, or the one name that stands in its place."""
         node = self.node.value(key)
-        if isinstance(node, SequenceNode):
-            return tuple(self.reference(item) for item in node.items if isinstance(item, ScalarNode))
-        return (self.reference(node),) if isinstance(node, ScalarNode) else ()
+        names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
+        readable = [name for name in names if isinstance(name, ScalarNode) and not name.reported]
+        if len(readable) < len(names):
+            self.damage(key)
+        return tuple(self.reference(name) for name in readable)
 
     def reference(self, node: ScalarNode) -> Reference:
         """Return a name that points elsewhere."""
-        self.damaged = self.damaged or node.reported
         return Reference(name=node.text, place=self.origin.of(node))
 
     def places(self, more: Iterable[tuple[str, tuple[int, int]]] = ()) -> Places:

@@ -15,17 +15,18 @@ _RANGE_HELP = "write numbers that 'unit' applies to, or numbers with a unit of t
 _LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
 
 
-def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType | None:
-    """Return the type that a mapping with `type`, `unit`, `range` and `values` states; None where it is spoiled."""
+def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
+    """Return the type that a mapping with `type`, `unit`, `range` and `values` states, as far as it can be read."""
     present = {key: node.entries[key] for key in _TYPE_KEYS if key in node.entries}
     kind = node.value("type")
     unit = _read_unit(reader, present.get("unit"), *steps)
     range_read = _read_range(reader, present.get("range"), unit, *steps)
-    if not isinstance(kind, ScalarNode) or any(value.reported for _, value in present.values()):
-        reader.damaged = True
-        return None
+    known = isinstance(kind, ScalarNode) and kind.text in tuple(Kind)
+    for key in ("type", *present) if not known else present:
+        if key not in present or present[key][1].reported or (key == "type" and not known):
+            reader.damage(*steps, key)
     return ValueType(
-        kind=Kind(kind.text),
+        kind=Kind(kind.text) if isinstance(kind, ScalarNode) and known else Kind.BOOL,
         unit=None if unit is None else unit[0],
         range=range_read,
         values=_read_members(present.get("values")),
@@ -36,7 +37,7 @@ def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType | Non
 def read_literal(reader: Reader, node: YamlNode, *steps: str) -> Literal:
     """Return a literal; a plain number with unit is given in SI units."""
     if node.reported or not isinstance(node, ScalarNode) or node.data is None:
-        reader.damaged = True
+        reader.damage(*steps)
         return ""
     if isinstance(node.data, str) and node.style is Style.PLAIN and node.text[:1] in "-0123456789":
         return _read_quantity(reader, node, *steps)
@@ -72,7 +73,7 @@ def _read_range(
     if entry is None or not isinstance(entry[1], SequenceNode) or entry[1].reported:
         return None
     if any(item.reported for item in entry[1].items):
-        reader.damaged = True
+        reader.damage(*steps, "range")
         return None
     ends = [_read_end(item, unit) for item in entry[1].items]
     if unit is not None and unit[1] is None:

@@ -1,0 +1,1 @@
+"""Examples of users' own code."""

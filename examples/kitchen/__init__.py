@@ -1,0 +1,1 @@
+"""A household robot in a kitchen: what specs/kitchen.yaml calls."""

@@ -1,0 +1,40 @@
+"""How the robot perceives the kitchen: each function reads the handle `kitchen` and returns what the spec says."""
+
+
+def taken_now(job, working_s, **seen):
+    job.evidence(job.now_s(), job.now_s())  # the picture is taken in this instant
+    job.sleep(working_s)  # and working on it takes time
+    return seen
+
+
+def measure_distance(*, kitchen, target, offset, job):
+    return {"distance": abs(kitchen.place_m[target] - kitchen.robot_m) + offset}
+
+
+def look_at_door(*, kitchen, door, job):
+    return taken_now(job, 0.5, angle=kitchen.angle_rad.get(door), edges=kitchen.edges)
+
+
+def find_kettle(*, kitchen, job):
+    return {"bearing": kitchen.kettle_bearing_rad}
+
+
+def ask_dock(*, kitchen, job):
+    return {"contact": kitchen.kettle_docked}
+
+
+def look_at_kettle(*, kitchen, job):
+    seen = {"water": kitchen.water_kg, "steam": kitchen.steam, "warmth": kitchen.warmth, "sharpness": kitchen.sharpness}
+    return taken_now(job, kitchen.kettle_work_s, **seen)
+
+
+def weigh_kettle(*, kitchen, job):
+    return {"weight": (kitchen.water_kg + 0.9) * 9.81}
+
+
+def look_at_hob(*, kitchen, job):
+    return taken_now(job, 0.3, lamp=kitchen.lamp, power=kitchen.power_w, pot=kitchen.pot_on_hob)
+
+
+def look_into_pot(*, kitchen, hob_power, job):
+    return {"fill": kitchen.fill + (job.random.uniform(-5, 5) if hob_power > 1000 else 0)}
