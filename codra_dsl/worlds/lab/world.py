@@ -317,6 +317,11 @@ class _LocalizationError:
 
 
 def _minimum_jerk(share_of_time: float) -> float:
-    """Return how much of a move is done: smooth, at rest at both ends (Flash and Hogan)."""
+    """Return how much of a move is done: smooth, at rest at both ends (Flash and Hogan).
+
+    The second half mirrors the first, so that rounding never carries a move beyond its end.
+    """
+    if share_of_time > 0.5:
+        return 1.0 - _minimum_jerk(1.0 - share_of_time)
     s = share_of_time
     return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
