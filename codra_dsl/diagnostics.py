@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -106,10 +107,14 @@ MAX_USES_TOLD = 5
 def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
     """Return findings with what a template's text gives in each of its uses as one, which names the other uses."""
     same: dict[object, list[Diagnostic]] = {}
+    in_one_use: Counter[object] = Counter()
     for found in diagnostics:
-        key = found if found.place.use is None else (found.code, found.place.span, found.path)
+        key: object = found
+        if found.place.use is not None:  # several that one use gives at a place stay several
+            in_one_use[found.code, found.place] += 1
+            key = found.code, found.place.span, in_one_use[found.code, found.place]
         same.setdefault(key, []).append(found)
-    return tuple(_with_uses(*group) for group in same.values())
+    return tuple(_with_uses(*sorted(group, key=lambda each: each.place)) for group in same.values())
 
 
 def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
@@ -129,17 +134,28 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
     At most a third of the letters may differ (insertions, deletions, replacements, neighbours swapped). Cost is
     bounded: at most MAX_CANDIDATES names of similar length are compared.
     """
-    limit = max(1, len(name) // 3)
-    similar = sorted(other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name)
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
-    scored = [(_distance(name.casefold(), other.casefold(), limit), other) for other in similar[:MAX_CANDIDATES]]
-    best = min(scored, default=(limit + 1, ""))
-    return best[1] if best[0] <= limit else None
+    limit = max(1, len(name) // 3)
+    similar = sorted(other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name)
+    wanted, best = name.casefold(), None
+    for other in similar[:MAX_CANDIDATES]:
+        distance = _distance(wanted, other.casefold(), limit)
+        if distance <= limit:
+            best, limit = other, distance - 1  # only what is nearer still counts
+        if limit < 0:
+            break
+    return best
 
 
 def _distance(left: str, right: str, limit: int) -> int:
-    """Return the optimal string alignment distance, or `limit + 1` when it is larger."""
+    """Return the optimal string alignment distance, or more than `limit` when it is larger."""
+    if abs(len(left) - len(right)) > limit:
+        return limit + 1
+    start = _shared(left, right)
+    left, right = left[start:], right[start:]
+    end = _shared(left[::-1], right[::-1])
+    left, right = left[: len(left) - end], right[: len(right) - end]
     before: list[int] = []
     previous = list(range(len(right) + 1))
     for row, letter in enumerate(left, start=1):
@@ -153,6 +169,12 @@ def _distance(left: str, right: str, limit: int) -> int:
             return limit + 1
         before, previous = previous, current
     return previous[-1]
+
+
+def _shared(left: str, right: str) -> int:
+    """Return how many letters two texts share at their beginning."""
+    pairs = enumerate(zip(left, right, strict=False))
+    return next((index for index, (one, other) in pairs if one != other), min(len(left), len(right)))
 
 
 def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:

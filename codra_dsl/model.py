@@ -368,10 +368,12 @@ class Spec:
         files: all files that belong to it, the spec's own first, then parts in the order of inclusion.
         origins: for each element (`kind`, `name`) the module it goes to: the instance of the use that made it, or
             the stem of the file it stands in; made an identifier and unique without regard to case.
-        partial: damaged algorithms as far as `load` could read them: what they identify and use is known.
-        damaged: names per kind (`context`, `perception`, ...) of elements that `load` could not read whole; `AnyName`
-            where a part or a use could not be read, since nobody knows which names it would have made. Under `spec` it
-            has the spec's own name where `load` found any error, so that no spec with an error is ever planned.
+        damaged: names per kind (`context`, `perception`, ...) of elements that `load` could not read whole, be they
+            kept or left out; `AnyName` where a part or a use could not be read, since nobody knows which names it would
+            have made. Under `spec` it has the spec's own name where `load` found any error, so that no spec with an
+            error is ever planned.
+        damaged_keys: for each damaged element (`kind`, `name`) that is kept, which of its keys could not be read and
+            have their default; one entry of `returns` or `identifies` is listed as `returns.NAME`.
     """
 
     name: str
@@ -385,6 +387,6 @@ class Spec:
     resources: tuple[Resource, ...] = ()
     agents: tuple[Agent, ...] = ()
     uses: tuple[Use, ...] = ()
-    partial: tuple[Algorithm, ...] = field(default=(), compare=False, hash=False)
     origins: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False, hash=False)
     damaged: Mapping[str, frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
+    damaged_keys: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict, compare=False, hash=False)

@@ -24,6 +24,8 @@ MAX_COMBINED = 8
 
 def cycles(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """No variable can only become known once it is known; one finding per cause."""
+    if scope.lost("perception", "identifies"):
+        return
     search = _Search(scope, faults)
     search.run(scope.algorithms)
     while search.blocked:
@@ -125,7 +127,8 @@ class _Search:
     def _from_elsewhere(self, name: str) -> bool:
         """Return whether someone else may write a variable, or whether nothing more can be said about it."""
         others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
-        return others or name not in self._scope.producers or not self._faults.sound("context", name)
+        sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
+        return others or name not in self._scope.producers or not sound
 
     def run(self, names: Iterable[str]) -> None:
         """Judge algorithms, and again those that read what they reach, until nothing changes."""

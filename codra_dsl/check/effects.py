@@ -14,8 +14,9 @@ def confirmations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """`confirm` does not count results yet."""
     for algorithm in _sound_algorithms(scope, faults):
         for entry in algorithm.identifies:
-            if isinstance(entry.by, Hysteresis) and entry.by.confirm is not None:
-                name = entry.variable.name
+            name = entry.variable.name
+            readable = scope.readable("perception", algorithm.name, f"identifies.{name}")
+            if isinstance(entry.by, Hysteresis) and entry.by.confirm is not None and readable:
                 yield finding(
                     "not-yet-confirmed",
                     f"'confirm' of '{name}' has no effect yet: each result counts at once",
@@ -29,8 +30,9 @@ def hystereses(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Between `enter` and `leave` the value is not held yet."""
     for algorithm in _sound_algorithms(scope, faults):
         for entry in algorithm.identifies:
-            if isinstance(entry.by, Hysteresis) and entry.by.leave is not None:
-                name = entry.variable.name
+            name = entry.variable.name
+            readable = scope.readable("perception", algorithm.name, f"identifies.{name}")
+            if isinstance(entry.by, Hysteresis) and entry.by.leave is not None and readable:
                 yield finding(
                     "not-yet-between",
                     f"between 'enter' and 'leave' of '{name}' a result is unknown for now, and so rejected",
@@ -43,8 +45,9 @@ def hystereses(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
 def expectations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """What a skill expects is not judged yet."""
     for skill in scope.spec.skills:
+        sound = faults.sound("skills", skill.name) and scope.readable("skills", skill.name, "monitor")
         for expectation in skill.monitor:
-            if expectation.expected is not Expected.WATCHED and faults.sound("skills", skill.name):
+            if expectation.expected is not Expected.WATCHED and sound:
                 name = expectation.variable.name
                 yield finding(
                     "not-yet-expected",

@@ -34,9 +34,11 @@ def forms_of_identification(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     for algorithm in scope.spec.perception:
         for entry in algorithm.identifies:
             variable = scope.variables.get(entry.variable.name)
-            if variable is not None and isinstance(entry.by, Members):
+            if variable is None or scope.context_types[variable.name] is None:
+                continue
+            if isinstance(entry.by, Members):
                 yield from _of_members(algorithm, entry, entry.by, variable)
-            if variable is not None and isinstance(entry.by, Hysteresis) and variable.type.kind is not Kind.BOOL:
+            if isinstance(entry.by, Hysteresis) and variable.type.kind is not Kind.BOOL:
                 message = f"'enter' and 'leave' give true or false, but '{variable.name}' is {_a(variable)}"
                 way_out = "state one condition" if variable.type.kind is not Kind.ENUM else "map members to conditions"
                 yield _wrong_form(algorithm, entry.by.place, message, way_out, variable)
@@ -44,7 +46,7 @@ def forms_of_identification(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
 
 def commanded_resources(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """An observer is passive: it reads, and never controls hardware (P1, section 3.2)."""
-    for algorithm in (*scope.spec.perception, *scope.spec.partial):
+    for algorithm in scope.spec.perception:
         for usage in algorithm.uses:
             if usage.access is Access.COMMAND:
                 yield finding(
@@ -61,7 +63,7 @@ def misused_resources(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     for algorithm in scope.spec.perception:
         for usage in algorithm.uses:
             resource = scope.resources.get(usage.resource.name)
-            if resource is None or scope.damaged("resources", resource.name):
+            if resource is None or not scope.readable("resources", resource.name, "slots"):
                 continue
             if usage.access is Access.SLOT and resource.slots is None:
                 message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has none"

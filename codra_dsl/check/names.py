@@ -77,7 +77,7 @@ def unknown_names_in_results(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """`accept_when` and `identifies` see what the algorithm returns, and nothing else."""
     unknown: dict[tuple[str, str], list[Mention]] = {}
     for site in scope.sites:
-        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES) and not scope.damaged(*site.owner):
+        if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES) and scope.readable(*site.owner, "returns"):
             algorithm = site.owner[1]
             returned = scope.returned_types[algorithm]
             for mention in _mentions(site, [name for name in site.values if name.name not in returned]):
@@ -195,11 +195,7 @@ def _not_declared(
     if kind is not None:
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         return _told("wrong-kind-of-name", message, f"name {NOUNS[section]} here", first, others)
-    near = (
-        None
-        if way_out
-        else scope.nearest(first.name, section, scope.names(section) | scope.spec.damaged.get(section, frozenset()))
-    )
+    near = None if way_out else scope.nearest(first.name, section, scope.names(section))
     known_way = f"did you mean '{near}'?" if near else f"declare '{first.name}' under '{section}'"
     rule, noun = _UNKNOWN[section]
     return _told(rule, f"unknown {noun} '{first.name}' in {first.user}", way_out or known_way, first, others)

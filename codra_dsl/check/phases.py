@@ -6,7 +6,6 @@ What one phase found wrong silences later phases about that element only, so tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedSpec
 from codra_dsl.check.conditions import parts_of
@@ -19,7 +18,7 @@ from codra_dsl.check.quality import QUALITY, decisions
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.check.sources import SOURCES
 from codra_dsl.check.types import Type
-from codra_dsl.diagnostics import Diagnostic, Related, Severity, has_errors, in_file_order
+from codra_dsl.diagnostics import Diagnostic, Severity, has_errors, in_file_order, once_per_template
 from codra_dsl.model import Algorithm, Condition, Identification, Members, Spec
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
@@ -31,17 +30,17 @@ PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY, E
 def check(spec: Spec) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
     """Return a spec that can be planned, unless it has an error, and all findings about it in file order.
 
-    Elements that `load` found damaged are neither judged nor held against others; a spec that has some is never
-    returned, though what they are about may be all that is wrong with it.
+    Keys that `load` found damaged are neither judged nor held against others; a spec that has some is never returned,
+    though what they are about may be all that is wrong with it.
     """
     scope = Scope(spec)
-    faults = Faults(frozenset((section, name) for section, names in spec.damaged.items() for name in names))
+    faults = Faults()
     findings: list[Diagnostic] = []
     for phase in PHASES:
         found = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
         findings += found
         faults = Faults(faults.elements | _elements(found), scope.meant)
-    found_in_order = in_file_order(_once_per_template(findings))
+    found_in_order = in_file_order(once_per_template(findings))
     damaged = any(spec.damaged.values())
     return (None if damaged or has_errors(findings) else _checked(scope)), found_in_order
 
@@ -50,18 +49,6 @@ def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
     """Return the elements that errors are about: the first two steps of their paths."""
     errors = (each.path.split(".") for each in found if each.severity is Severity.ERROR)
     return frozenset((section, name) for section, name, *_ in errors)
-
-
-def _once_per_template(findings: Iterable[Diagnostic]) -> Iterator[Diagnostic]:
-    """Yield what a template's text gives in each of its uses as one finding with all uses."""
-    same: dict[object, list[Diagnostic]] = {}
-    for index, found in enumerate(findings):
-        key = (found.code, found.place.span) if found.place.use is not None else index
-        same.setdefault(key, []).append(found)
-    for first, *others in (sorted(group, key=lambda each: each.place) for group in same.values()):
-        uses = {each.place.use: each for each in others if each.place.use != first.place.use}
-        also = tuple(Related(f"in another use: {each.message}", each.place) for each in uses.values())
-        yield replace(first, related=first.related + also)
 
 
 def _checked(scope: Scope) -> CheckedSpec:

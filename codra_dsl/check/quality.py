@@ -8,7 +8,7 @@ from functools import partial
 from codra_dsl import graph
 from codra_dsl.check.conditions import Role, Site
 from codra_dsl.check.rules import finding
-from codra_dsl.check.scope import OBSERVER, Faults, Scope
+from codra_dsl.check.scope import NEED_KEYS, OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related
 from codra_dsl.expression import And, Call, Compare, Comparison, Name, Node
 from codra_dsl.model import Algorithm, Variable, WhenUnobservable
@@ -27,6 +27,8 @@ def unnoticed_preconditions(scope: Scope, faults: Faults) -> Iterator[Diagnostic
         variable = scope.variables.get(name)
         if variable is None or not faults.sound("context", name) or _goes_stale(scope, variable):
             continue
+        if not scope.readable("context", name, "source", "valid_for", "when_unobservable"):
+            continue
         yield finding(
             "unnoticed-precondition",
             f"context-variable '{name}' is a precondition and would stay true unnoticed: {_reason(scope, variable)}",
@@ -39,7 +41,8 @@ def unnoticed_preconditions(scope: Scope, faults: Faults) -> Iterator[Diagnostic
 
 def unreached_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """What no skill needs, directly or through others, is not observed; without skills everything is."""
-    if not scope.spec.skills or scope.lost("skills") or scope.lost("perception"):
+    lost = scope.lost("skills", "preview", "monitor") or scope.lost("perception", *NEED_KEYS, "identifies")
+    if not scope.spec.skills or lost or scope.lost("observers", "identifies"):
         return
     wanted = reached(scope, (*decisions(scope), *sorted(faults.meant)))
     for variable in scope.variables.values():
@@ -87,6 +90,8 @@ def _trusting(scope: Scope) -> Mapping[str, tuple[Algorithm, Callable[[], Place]
         if site.role is Role.OBSERVABLE_WHEN and not scope.judgements[id(site.condition)].problems:
             sites.setdefault(site.owner[1], []).append(site)
     for algorithm in scope.algorithms.values():
+        if not scope.readable("perception", algorithm.name, "observable_when"):
+            continue  # what bounds an age may be what could not be read
         own = sites.get(algorithm.name, [])
         bounded = {name for site in own for name in _bounded(site.condition.tree)}
         for site in own:
@@ -122,7 +127,12 @@ def _goes_stale(scope: Scope, variable: Variable) -> bool:
 def _can_be_forgotten(scope: Scope, variable: Variable) -> bool:
     """Return whether preconditions tell when a variable can no longer be observed."""
     producers = scope.producers.get(variable.name, ())
-    return not _others_write(variable) and all(scope.needs[name] for name in producers)
+    return not _others_write(variable) and all(_waits(scope, name) for name in producers)
+
+
+def _waits(scope: Scope, algorithm: str) -> bool:
+    """Return whether an algorithm has preconditions, or whether nobody can tell."""
+    return bool(scope.needs[algorithm]) or not scope.readable("perception", algorithm, *NEED_KEYS)
 
 
 def _others_write(variable: Variable) -> bool:
@@ -134,7 +144,7 @@ def _reason(scope: Scope, variable: Variable) -> str:
         return "it has a source other than observers"
     if variable.when_unobservable is WhenUnobservable.KEEP:
         return "its last value is kept"
-    open_ended = (name for name in scope.producers[variable.name] if not scope.needs[name])
+    open_ended = (name for name in scope.producers[variable.name] if not _waits(scope, name))
     return f"it is never forgotten, for algorithm '{next(open_ended)}' has no preconditions"
 
 

@@ -33,6 +33,12 @@ OBSERVER = "observer"
 MAX_SUGGESTIONS = 25
 """So many names are compared with all others; from then on an unknown name is reported without a suggestion."""
 
+TYPE_KEYS = ("type", "unit", "values")
+"""The keys that make up the type of a variable or returned value."""
+
+NEED_KEYS = ("observable_when", "given")
+"""The keys that say what an algorithm needs."""
+
 NOUNS: Mapping[str, str] = {
     "context": "a context-variable",
     "resources": "a resource",
@@ -175,33 +181,24 @@ class Scope:
         }
 
     def names(self, section: str) -> frozenset[str]:
-        """Return the names of a section's elements."""
-        return self._sections[section]
+        """Return the names of a section's elements, and those of elements that could not be read."""
+        unread = self.spec.damaged.get(section, frozenset())
+        return self._sections[section].union(name for name in unread if name.isidentifier())
 
     def declares(self, section: str, name: str) -> bool:
         """Return whether a section has such an element, be it damaged."""
-        return name in self._sections[section] or self.damaged(section, name)
+        return name in self._sections[section] or name in self.spec.damaged.get(section, ())
 
-    def damaged(self, section: str, name: str) -> bool:
-        """Return whether an element could not be read whole."""
-        return name in self.spec.damaged.get(section, ())
+    def readable(self, section: str, name: str, *keys: str) -> bool:
+        """Return whether some keys of an element could be read, all of them."""
+        return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
 
-    def lost(self, section: str) -> bool:
-        """Return whether elements of a section could not be read, so that what they say is not known."""
+    def lost(self, section: str, *keys: str) -> bool:
+        """Return whether elements of a section, or some keys of one, could not be read: nobody knows what they say."""
         unread = self.spec.damaged.get(section, frozenset())
-        return isinstance(unread, AnyName) or not self._sections[section].issuperset(unread)
-
-    @cached_property
-    def partly_identified(self) -> frozenset[str]:
-        """The context-variables that damaged algorithms identify."""
-        return frozenset(entry.variable.name for algorithm in self.spec.partial for entry in algorithm.identifies)
-
-    @property
-    def knows_all_identified(self) -> bool:
-        """Return whether every algorithm, be it damaged, tells what it identifies."""
-        unread = self.spec.damaged.get("perception", frozenset())
-        told = {algorithm.name for algorithm in self.spec.partial if algorithm.identifies}
-        return not isinstance(unread, AnyName) and (self.names("perception") | told).issuperset(unread)
+        if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
+            return True
+        return any(not self.readable(section, name, *keys) for name in unread)
 
     def other_kind(self, name: str, wanted: str) -> str | None:
         """Return what a name is, if it is something else than an element of the section `wanted`."""
@@ -217,16 +214,23 @@ class Scope:
     @cached_property
     def context_types(self) -> Types:
         """The type of each context-variable; None where its declaration is wrong."""
-        damaged = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
-        declared = {name: declared_type(variable.type) for name, variable in self.variables.items()}
-        return declared | damaged
+        unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
+        return unread | {
+            name: declared_type(variable.type) if self.readable("context", name, *TYPE_KEYS) else None
+            for name, variable in self.variables.items()
+        }
 
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:
-        """For each algorithm, the type of each value that it returns."""
+        """For each algorithm, the type of each value that it returns; None where its declaration is wrong."""
         return {
-            algorithm.name: {returned.name: declared_type(returned.type) for returned in algorithm.returns}
-            for algorithm in self.algorithms.values()
+            name: {
+                each.name: declared_type(each.type)
+                if self.readable("perception", name, "returns", f"returns.{each.name}")
+                else None
+                for each in algorithm.returns
+            }
+            for name, algorithm in self.algorithms.items()
         }
 
     @cached_property

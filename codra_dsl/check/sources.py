@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from codra_dsl.check.rules import finding
-from codra_dsl.check.scope import OBSERVER, Faults, Group, Scope
+from codra_dsl.check.scope import NEED_KEYS, OBSERVER, Faults, Group, Scope
 from codra_dsl.diagnostics import Diagnostic, Related
 from codra_dsl.model import Algorithm, ObserverSetting, Reference
 
 
 def unidentified_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """A variable is identified by an algorithm or says who else writes it."""
-    if not scope.knows_all_identified:
+    if scope.lost("perception", "identifies"):
         return
     for variable in scope.variables.values():
         name = variable.name
@@ -20,9 +20,8 @@ def unidentified_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]
         others = len(variable.sources) - len(observed)
         if (
             name in scope.producers
-            or name in scope.partly_identified
             or name in faults.meant
-            or not faults.sound("context", name)
+            or not (faults.sound("context", name) and scope.readable("context", name, "source"))
             or (others and not observed)
         ):
             continue
@@ -43,6 +42,8 @@ def observer_is_no_source(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     for name, producers in scope.producers.items():
         variable = scope.variables.get(name)
         if variable is None or not variable.sources or not faults.sound("context", name):
+            continue
+        if not scope.readable("context", name, "source"):
             continue
         if OBSERVER not in (source.name for source in variable.sources):
             algorithm = scope.algorithms[producers[0]]
@@ -65,14 +66,15 @@ def same_rank(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     for group in scope.groups:
         for rank in sorted({each.rank for each in group.algorithms}):
             tied = sorted((each for each in group.algorithms if each.rank == rank), key=lambda each: each.place.span)
-            if len(tied) > 1 and _declared(scope, group):
+            if len(tied) > 1 and _declared(scope, group) and _readable(scope, tied, "rank"):
                 yield _tie(group, tied, rank)
 
 
 def incomplete_first_alternative(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """The first of several alternatives identifies every variable of their tree."""
     for group in scope.groups:
-        if group.beyond_first and group.settled and _declared(scope, group):
+        whole = _declared(scope, group) and _readable(scope, group.algorithms, "rank", "identifies")
+        if group.beyond_first and group.settled and whole:
             first, missing = group.algorithms[0], group.beyond_first[0]
             other = next(each for each in group.algorithms if _has(each, missing))
             yield finding(
@@ -87,14 +89,12 @@ def incomplete_first_alternative(scope: Scope, _: Faults) -> Iterator[Diagnostic
 
 def observers_without_algorithm(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """`observers` names only variables that an algorithm identifies."""
-    if not scope.knows_all_identified:
+    if scope.lost("perception", "identifies"):
         return
     for setting in scope.spec.observers:
         for reference in setting.identifies:
             variable = scope.variables.get(reference.name)
             if variable is None or reference.name in scope.producers or reference.name in faults.meant:
-                continue
-            if reference.name in scope.partly_identified:
                 continue
             if any(source.name != OBSERVER for source in variable.sources):
                 message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
@@ -149,6 +149,8 @@ def observers_that_split(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
 
 def observer_names_taken(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """No observer has the name that another tree gets from its first algorithm."""
+    if scope.lost("observers", "identifies"):
+        return
     unnamed = {
         group.algorithms[0].name.casefold(): group.algorithms[0]
         for group in scope.groups
@@ -185,7 +187,7 @@ SOURCES = (
 def _tie(group: Group, tied: list[Algorithm], rank: int) -> Diagnostic:
     first, second, *rest = tied
     named = " and ".join(f"'{each.name}'" for each in tied)
-    shared = next(name for name in group.variables if any(_has(each, name) for each in tied))
+    shared = max(group.variables, key=lambda name: sum(_has(each, name) for each in tied))
     return finding(
         "same-rank",
         f"algorithms {named} are alternatives for '{shared}' and share rank {rank}",
@@ -253,15 +255,21 @@ def _declared(scope: Scope, group: Group) -> bool:
 def _in_order(scope: Scope, faults: Faults, setting: ObserverSetting, groups: Iterable[Group]) -> bool:
     """Return whether nothing has been found wrong with an observer and the algorithms of its trees."""
     shared = any(scope.claims[reference.name][0].name != setting.name for reference in setting.identifies)
-    if shared or not faults.sound("observers", setting.name):
+    readable = scope.readable("observers", setting.name, "identifies")
+    if shared or not readable or not faults.sound("observers", setting.name):
         return False
     return all(
         _declared(scope, group)
+        and _readable(scope, group.algorithms, *NEED_KEYS, "identifies", "rank")
         and group.settled
         and not group.beyond_first
         and all(faults.sound("perception", each.name) for each in group.algorithms)
         for group in groups
     )
+
+
+def _readable(scope: Scope, algorithms: Iterable[Algorithm], *keys: str) -> bool:
+    return all(scope.readable("perception", each.name, *keys) for each in algorithms)
 
 
 def _joinable(one: Group, other: Group) -> bool:

@@ -64,7 +64,7 @@ def build_variable(reader: Reader) -> Variable:
 
 
 def build_algorithm(reader: Reader) -> Algorithm:
-    """Return a perception algorithm as far as it can be read; `reader.damaged` tells whether that is all of it."""
+    """Return a perception algorithm."""
     return Algorithm(
         name=reader.subject.name,
         place=reader.place,

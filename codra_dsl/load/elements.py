@@ -21,7 +21,7 @@ from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, YamlNode
 from codra_dsl.load.origin import NOUNS, Origin, Subject
 from codra_dsl.load.reader import Reader, Suspect
-from codra_dsl.load.shape import explain, sound
+from codra_dsl.load.shape import explain, keys_of, sound
 from codra_dsl.load.templates import DEFINITIONS
 from codra_dsl.model import Algorithm
 
@@ -34,52 +34,63 @@ _BUILDERS: Mapping[str, Callable[[Reader], Any]] = {
     "agents": build_agent,
 }
 
+_NONE: Mapping[str, frozenset[str]] = {}
+
 
 class Elements:
     """The elements of one spec, as they are gathered.
 
     Attributes:
-        built: by section and name, in the order of files and uses.
-        damaged: names by section of elements that could not be read whole.
-        partial: algorithms that could not be read whole, as far as they could.
+        built: by section and name, in the order of files and uses, as far as they could be read.
+        damaged: names by section of elements that could not be read whole, be they built or not.
+        damaged_keys: by section and name of what is built, the keys that could not be read.
         origins: the module of each element, by section and name.
     """
 
     def __init__(self, findings: Findings) -> None:
         self.built: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
         self.damaged: dict[str, set[str]] = {section: set() for section in SECTIONS}
-        self.partial: list[Algorithm] = []
+        self.damaged_keys: dict[tuple[str, str], frozenset[str]] = {}
         self.origins: dict[tuple[str, str], str] = {}
         self._findings = findings
         self._taken: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
         self._suspects: list[tuple[Suspect, frozenset[str]]] = []
 
-    def add(self, section: str, elements: YamlNode | None, origin: Origin, wrong: frozenset[str] = frozenset()) -> None:
-        """Add the elements of a section; `wrong` are those, as written, that a finding stands about already."""
+    def add(
+        self, section: str, elements: YamlNode | None, origin: Origin, wrong: Mapping[str, frozenset[str]] = _NONE
+    ) -> None:
+        """Add the elements of a section; `wrong` has those, as written, that findings stand about, and their keys."""
         if not isinstance(elements, MappingNode):
             return
         all_sound = not wrong and sound(section, elements.data)
         for key, node in elements.entries.values():
             subject = Subject(section, key, origin)
-            right = self._is_new(subject) and key.written not in wrong
+            is_new = self._is_new(subject)
+            damaged = wrong.get(key.written, frozenset())
             if not all_sound and key.written not in wrong:
-                right = self._is_sound(subject, node) and right
-            if isinstance(node, MappingNode):
-                self._build(Reader(subject, node, self._findings), right=right)
+                damaged = self._explained(subject, node)
+            element = None
+            if isinstance(node, MappingNode):  # what cannot be kept is read for what else is wrong with it
+                reader = Reader(subject, node, self._findings, damaged)
+                element = _BUILDERS[section](reader)
+            if element is None or not is_new:
+                self.lose(section, key.text)
             else:
-                self.damaged[section].add(key.text)
+                self._keep(reader, element)
 
-    def _build(self, reader: Reader, *, right: bool) -> None:
-        """Build an element; one that is not right is read only for what else is wrong with it."""
+    def lose(self, section: str, name: str) -> None:
+        """Note an element that is not built; if its name is taken, nobody knows which of the two is meant."""
+        self.damaged[section].add(name)
+        if name in self.built[section]:
+            self.damaged_keys[section, name] = keys_of(DEFINITIONS[section])
+
+    def _keep(self, reader: Reader, element: object) -> None:
         section, name = reader.subject.section, reader.subject.name
-        element = _BUILDERS[section](reader)
-        if not right or element is None or reader.damaged:
-            self.damaged[section].add(name)
-            if isinstance(element, Algorithm):
-                self.partial.append(element)
-            return
         self.built[section][name] = element
         self.origins[section, name] = reader.origin.module
+        if reader.damaged:
+            self.damaged[section].add(name)
+            self.damaged_keys[section, name] = frozenset(reader.damaged)
         if reader.suspects:
             self._suspect(reader, element)
 
@@ -104,12 +115,10 @@ class Elements:
         report_taken(subject, first, self._findings)
         return False
 
-    def _is_sound(self, subject: Subject, node: YamlNode) -> bool:
+    def _explained(self, subject: Subject, node: YamlNode) -> frozenset[str]:
+        """Report what is wrong with the shape of an element; return the keys that are damaged by it."""
         definition = DEFINITIONS[subject.section]
-        if sound(definition, node.data):
-            return True
-        explain(definition, node, subject, self._findings)
-        return False
+        return frozenset() if sound(definition, node.data) else explain(definition, node, subject, self._findings)
 
     def _suspect(self, reader: Reader, element: object) -> None:
         returned = element.returns if isinstance(element, Algorithm) else ()

@@ -113,7 +113,8 @@ class Reader:
         """Return the names in a list, or the one name that stands in its place."""
         node = self.node.value(key)
         names = node.items if isinstance(node, SequenceNode) else [] if node is None else [node]
-        readable = [name for name in names if isinstance(name, ScalarNode) and not name.reported]
+        scalars = (name for name in names if isinstance(name, ScalarNode) and not name.reported)
+        readable = [name for name in scalars if isinstance(name.data, str)]
         if len(readable) < len(names):
             self.damage(key)
         return tuple(self.reference(name) for name in readable)

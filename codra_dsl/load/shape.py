@@ -19,7 +19,7 @@ from codra_dsl.diagnostics import Place
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
-from codra_dsl.load.origin import Subject
+from codra_dsl.load.origin import Subject, damaged_key
 from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
 from codra_dsl.units import duration_help
 
@@ -55,16 +55,26 @@ def sound(definition: str, data: object) -> bool:
     return _acceptor(definition).is_valid(data)
 
 
-def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> None:
+def keys_of(definition: str) -> frozenset[str]:
+    """Return the keys that an element of a definition can have."""
+    return frozenset(schema()["$defs"][definition].get("properties", ()))
+
+
+def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> frozenset[str]:
     """Report why an element has not the shape of a definition: one finding per root cause.
 
     So that the rest can be read as it was meant, misspelt keys are put right in the nodes, unknown ones are left out,
     and values that a finding is about are marked as reported.
+
+    Returns:
+        The keys that cannot be read, as `Spec.damaged_keys` lists them. A misspelt key can; one that nobody
+        understands may stand for any that is absent.
     """
     explanation = _Explanation(subject, node, findings)
     for mapping, meant in explanation.unknown_keys(_errors(definition, node.data, ())):
         _rename(mapping, meant)
     explanation.report(tuple(_errors(definition, node.data, ())))
+    return frozenset(explanation.damaged)
 
 
 def explain_outline(definition: str, root: MappingNode, subject: Subject, findings: Findings) -> None:
@@ -155,13 +165,14 @@ def _branch(anchor: object, data: object) -> str | None:
 
 
 class _Explanation:
-    """Turns the errors of one element into findings."""
+    """Turns the errors of one element into findings, and lists the keys that they damage."""
 
     def __init__(self, subject: Subject, root: YamlNode, findings: Findings) -> None:
         self._subject = subject
         self._root = root
         self._findings = findings
         self._done: set[tuple[str | int, ...]] = set()
+        self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[_Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
         """Report unknown keys; return, for each mapping that has some, which known key each of them means."""
@@ -180,6 +191,8 @@ class _Explanation:
         for error in errors:
             if error.keyword in ("required", "additionalProperties"):
                 continue
+            if error.path:
+                self.damaged.add(damaged_key(error.path))
             if self._is_new(error.path):
                 self._value(error)
             self._node(error.path).reported = True
@@ -255,6 +268,8 @@ class _Explanation:
                 help=f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}",
                 path=self._subject.part(*error.path, key),
             )
+        if torn or None in meant.values():
+            self.damaged.update([damaged_key(error.path)] if error.path else free)
         return meant
 
     def _missing(self, error: _Error) -> None:
@@ -263,7 +278,10 @@ class _Explanation:
             return
         for key in error.limit:
             path = (*error.path, key)
-            if key in mapping.entries or path in self._done:
+            if key in mapping.entries:
+                continue
+            self.damaged.add(damaged_key(path))
+            if path in self._done:
                 continue
             self._done.add(path)
             self._findings.add(
@@ -346,7 +364,7 @@ class _Explanation:
 
     def _torn(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that a comma tore off a condition; report each tear once."""
-        torn: set[str] = set()
+        torn: dict[str, ScalarNode] = {}
         begun: ScalarNode | None = None
         opened = Openings("")
         for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
@@ -355,12 +373,16 @@ class _Explanation:
                 opened = Openings(text)
                 begun = value if opened.are_left and isinstance(value, ScalarNode) else None
                 continue
-            torn.add(key)
+            torn[key] = key_node
             opened.read(f", {key_node.text}")
             if not opened.are_left:
                 self._report_tear(begun, max(key_node.end, value.end))
                 begun = None
-        return torn if begun is None else set()
+        if begun is not None:
+            return set()
+        for key_node in torn.values():
+            key_node.reported = True
+        return set(torn)
 
     def _report_tear(self, first: ScalarNode, end: int) -> None:
         place = self._subject.origin.place(first.start, end)

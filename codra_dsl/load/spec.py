@@ -132,7 +132,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, findings: F
         uses=tuple(uses.made),
         origins=elements.origins,
         damaged=damaged,
-        partial=tuple(elements.partial),
+        damaged_keys=elements.damaged_keys,
     )
 
 

@@ -129,7 +129,8 @@ class Template:
     Attributes:
         patterns: of the scalars with parameters, by the node's id.
         touched: ids of all nodes that hold such a scalar.
-        damaged: (section, name as written) of elements that are wrong whatever a use says.
+        damaged: by (section, name as written) of elements that are wrong whatever a use says, the keys that cannot be
+            read; those with a wrong parameter are marked as reported instead.
         size: how many keys and values it has.
     """
 
@@ -139,7 +140,7 @@ class Template:
     parameters: Mapping[str, Parameter]
     patterns: Mapping[int, Pattern]
     touched: frozenset[int]
-    damaged: frozenset[tuple[str, str]]
+    damaged: Mapping[tuple[str, str], frozenset[str]]
     size: int
 
     @property
@@ -170,7 +171,7 @@ def declare(subject: Subject, node: MappingNode, findings: Findings) -> Template
         parameters=parameters,
         patterns=survey.patterns,
         touched=frozenset(survey.touched),
-        damaged=frozenset(survey.damaged),
+        damaged=survey.damaged,
         size=sum(1 for section in sections.values() for _ in scalars(section, lambda _: True)),
     )
 
@@ -248,7 +249,7 @@ class _Survey:
     def __init__(self, origin: Origin, parameters: Mapping[str, Parameter], findings: Findings) -> None:
         self.patterns: dict[int, Pattern] = {}
         self.touched: set[int] = set()
-        self.damaged: set[tuple[str, str]] = set()
+        self.damaged: dict[tuple[str, str], frozenset[str]] = {}
         self.used: set[str] = set()
         self._origin = origin
         self._parameters = parameters
@@ -261,13 +262,12 @@ class _Survey:
             subject = Subject(section, key, self._origin)
             before = len(self._findings)
             if not sound(DEFINITIONS[section], node.data):
-                explain(DEFINITIONS[section], node, subject, self._findings)
-                self.damaged.add((section, key.text))
+                self.damaged[section, key.text] = explain(DEFINITIONS[section], node, subject, self._findings)
             self._path = subject.path
             if self._scalar(key, Position.NAME) | self._node(node, Position.VALUE, section):
                 self.touched.add(id(elements))
             if len(self._findings) > before:
-                self.damaged.add((section, key.text))
+                self.damaged.setdefault((section, key.text), frozenset())
 
     def _node(self, node: YamlNode, position: Position, section: str) -> bool:
         """Look at a node; return whether it holds a parameter."""

@@ -117,14 +117,15 @@ class Uses:
         sections = filler.sections()
         filler.report(origin, self._findings)
         for section, mapping in sections.items():
-            wrong = frozenset(name for of, name in template.damaged if of == section)
+            wrong = {name: keys for (of, name), keys in template.damaged.items() if of == section}
             elements.add(section, mapping, origin, wrong)
 
 
 def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:
     """Note the names that a use would have made, were it right."""
     for section, mapping in Filler(template, arguments.bound).sections().items():
-        elements.damaged[section].update(mapping.entries)
+        for name in mapping.entries:
+            elements.lose(section, name)
 
 
 def _entries(document: Document, section: str) -> Iterator[tuple[Subject, YamlNode]]:

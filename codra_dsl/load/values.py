@@ -22,8 +22,11 @@ def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
     unit = _read_unit(reader, present.get("unit"), *steps)
     range_read = _read_range(reader, present.get("range"), unit, *steps)
     known = isinstance(kind, ScalarNode) and kind.text in tuple(Kind)
-    for key in ("type", *present) if not known else present:
-        if key not in present or present[key][1].reported or (key == "type" and not known):
+    if not known:
+        reader.damage(*steps, "type")
+    for key, (_, value) in present.items():
+        items = value.items if isinstance(value, SequenceNode) else []
+        if value.reported or any(item.reported for item in items):
             reader.damage(*steps, key)
     return ValueType(
         kind=Kind(kind.text) if isinstance(kind, ScalarNode) and known else Kind.BOOL,

@@ -55,6 +55,8 @@ def test_a_spec_that_could_not_be_read_whole_is_not_handed_on_though_nothing_els
         ("      door_gap: width", "      door_gap: width and"),
         ("    preview: [door_state, door_gap]", "    preview: door_state, door_gap"),
         ("  page: {}", "  page: 3"),
+        ("source: [observer, page]", "source: [observer, 7]"),
+        ("values: [up, level]", "values: [up, $(level)]"),
         ("call: house.perception:look_at_door", "call: house.perception.look_at_door"),
         ("      angle: {type: float, unit: rad,", "      angle: {type: float, unit: radiant,"),
         ("door: {identifies: [door_state,", "door: {identifes: [door_state,"),
@@ -65,6 +67,51 @@ def test_what_could_not_be_read_silences_all_that_depends_on_it(old: str, new: s
     assert len(found) == 1
     assert spec is not None
     assert check(spec)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("damage", "mistake", "rule"),
+    [
+        (("gain: 3", "gain: 3 parsecs"), ("camera: read", "camera: command"), "commanded-resource"),
+        (
+            ("call: house.perception:look_at_door", "call: look"),
+            ("markers >= 2", "marker >= 2"),
+            "unknown-returned-value",
+        ),
+        (("unit: rad, opt", "unit: radiant, opt"), ("markers >= 2", "markers >= 2 m"), "missing-unit"),
+        (
+            ("door_gap: width", "door_gap: width and"),
+            ("  door_locked: {type", "  lid: {type: int}\n  door_locked: {type"),
+            "unidentified-variable",
+        ),
+        (
+            ("door_locked: {type: bool}", "door_locked: {type: bol}"),
+            ("[door_locked, people]", "[door_loked, people]"),
+            "unknown-variable",
+        ),
+        (("vision: {slots: 1}", "vision: {slots: none}"), ("camera: read", "camera: slot"), "misused-resource"),
+        (
+            ("near_door: {type: bool, when", "near_door: {type: boolean, when"),
+            (", when_unobservable: forget", ""),
+            "unnoticed-precondition",
+        ),
+        (
+            ("period: 2 s", "period: 2"),
+            ("[door_state, door_gap, door_locked, people]", "[door_state]"),
+            "observer-splits-tree",
+        ),
+        (("changes: [door_state]", "changes: [5]"), ("preview: [door_state", "preview: [camera"), "wrong-kind-of-name"),
+    ],
+)
+def test_a_damaged_key_says_nothing_about_the_rest_of_its_element_and_others(
+    damage: tuple[str, str], mistake: tuple[str, str], rule: str
+) -> None:
+    spec, found = load_text(edited(damage, mistake), "spec.yaml", HERE)
+    assert len(found) == 1
+    assert spec is not None
+    checked_spec, also_found = check(spec)
+    assert checked_spec is None
+    assert [each.rule.name for each in also_found] == [rule]
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+import yaml
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from codra_dsl.load import load_spec
@@ -24,6 +26,8 @@ from codra_dsl.model import (
 from .texts import ALGORITHM, algorithm_of, findings_of, loaded, marked, rules_of, spec_of, variable_of
 
 ROOT = Path(__file__).parents[2]
+OPTIONAL = {"with", "uses", "given", "observable_when", "accept_when", "timeout", "min_interval", "isolate", "rank"}
+TWICE = "templates: {two: {context: {far: {type: bool}}}}\n"
 
 
 def test_the_laboratory_loads_without_findings() -> None:
@@ -229,13 +233,68 @@ def test_all_mistakes_of_one_element_are_found_in_one_run() -> None:
     ]
 
 
-def test_a_damaged_element_is_listed_and_left_out() -> None:
-    spec, _ = loaded(ALGORITHM + "    timeout: 5\n")
+@pytest.mark.parametrize(
+    ("keys", "damaged"),
+    [
+        ("timeout: 5", {"timeout"}),
+        ("timeout: 5 parsecs", {"timeout"}),
+        ("uses: {camera: write}", {"uses"}),
+        ("given: [near, 5]", {"given"}),
+        ("accept_when: [x >> 3, x > 1]", {"accept_when"}),
+        ("isolate: proces", {"isolate"}),
+        ("rank: one\n    min_interval: -1 s", {"rank", "min_interval"}),
+        ("timout: 5 s", set()),
+        ("colour: red", OPTIONAL),
+    ],
+)
+def test_a_damaged_key_has_its_default_and_the_rest_of_the_element_is_kept(keys: str, damaged: set[str]) -> None:
+    spec, findings = loaded(ALGORITHM + f"    {keys}\n")
+
+    assert findings
+    assert spec is not None
+    (algorithm,) = spec.perception
+    assert (algorithm.call, algorithm.timeout_s, algorithm.isolate) == (
+        "kitchen.perception:look",
+        5.0,
+        Isolation.THREAD,
+    )
+    assert [entry.variable.name for entry in algorithm.identifies] == ["near"]
+    assert spec.damaged_keys.get(("perception", "look"), frozenset()) == damaged
+    assert spec.damaged["perception"] == ({"look"} if damaged else set())
+    assert spec.damaged["context"] == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "damaged"),
+    [
+        ("x: {type: float}", "x: {type: flot}", {"returns.x"}),
+        ("x: {type: float}", "x: float", {"returns.x"}),
+        ("x: {type: float}", "x: {type: float, unit: parsec}", {"returns.x"}),
+        ("near: x > 3", "near: x > ", {"identifies.near"}),
+        ("near: x > 3", "near: {leave: x < 3}", {"identifies.near"}),
+        ("kitchen.perception:look", "kitchen.look", {"call"}),
+    ],
+)
+def test_a_damaged_entry_of_what_is_returned_or_identified_leaves_the_others(
+    old: str, new: str, damaged: set[str]
+) -> None:
+    spec, findings = loaded(ALGORITHM.replace(old, new))
+
+    assert len(findings) == 1
+    assert spec is not None
+    (algorithm,) = spec.perception
+    assert [returned.name for returned in algorithm.returns] == ["x", "state"]
+    assert [entry.variable.name for entry in algorithm.identifies] == ["near"]
+    assert spec.damaged_keys["perception", "look"] == damaged
+
+
+def test_what_is_declared_twice_is_damaged_in_every_key() -> None:
+    spec, _ = loaded(ALGORITHM + "use: {one: {template: two}, three: {template: two}}\n" + TWICE)
 
     assert spec is not None
-    assert spec.perception == ()
-    assert spec.damaged["perception"] == {"look"}
-    assert spec.damaged["context"] == frozenset()
+    assert [variable.name for variable in spec.context] == ["near", "far"]
+    assert spec.damaged["context"] == {"far"}
+    assert {"type", "source", "valid_for"} <= spec.damaged_keys["context", "far"]
 
 
 @pytest.mark.parametrize("text", ["context: [a]", "things: [a]", "use: {a: {template: b}}"])
@@ -284,8 +343,12 @@ WORDS = st.text("abcdefghijklmnopqrstuvwxyz", min_size=3, max_size=8).filter(lam
 VARIABLES = st.fixed_dictionaries(
     {"type": st.sampled_from(["bool", "int", "float", "str"])},
     optional={
-        "label": st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]), min_size=1).map(str),
-        "description": st.text(st.characters(codec="ascii", exclude_categories=["C"]), max_size=60),
+        "label": st.text(
+            st.characters(codec="utf-8", exclude_categories=["C", "Z"], exclude_characters="$"), min_size=1
+        ).map(str),
+        "description": st.text(
+            st.characters(codec="ascii", exclude_categories=["C"], exclude_characters="$"), max_size=60
+        ),
         "source": WORDS | st.lists(WORDS, min_size=1, max_size=3, unique=True),
         "valid_for": st.sampled_from(["forever", "5 s", "500 ms", "2 min", "1.5 h"]),
         "when_unobservable": st.sampled_from(["keep", "forget"]),
@@ -300,14 +363,26 @@ def rules_of_name(word: str) -> list[str]:
     return rules_of(f"codra: 1\nname: {word}\n")
 
 
+class CoreDumper(yaml.SafeDumper):
+    """Quotes what YAML 1.2 reads as a number and YAML 1.1, which PyYAML writes, does not: `0E0`, `0o7`."""
+
+
+CoreDumper.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"(?:[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|0o[0-7]+)$"),
+    list("-+.0123456789"),
+)
+
+
+@example({"near": {"type": "bool", "label": "0E0"}}, None, 20)
 @given(st.dictionaries(WORDS, VARIABLES, max_size=6), st.booleans() | st.none(), st.integers(20, 200))
 def test_what_was_dumped_as_a_spec_is_loaded_as_it_was(
     variables: dict[str, dict[str, object]], flow: bool | None, width: int
 ) -> None:
-    import yaml
-
     content = {"codra": 1, "name": "kitchen", "context": variables}
-    dumped = yaml.safe_dump(content, default_flow_style=flow, width=width, sort_keys=False, allow_unicode=True)
+    dumped = yaml.dump(
+        content, Dumper=CoreDumper, default_flow_style=flow, width=width, sort_keys=False, allow_unicode=True
+    )
     found = {variable.name: variable for variable in spec_of(dumped).context}
 
     assert list(found) == list(variables)
