@@ -25,7 +25,7 @@ sys.exit(not (drawing and rendering))
 endef
 export PROBE
 
-.PHONY: demo test lint cases wheel clean prerequisites
+.PHONY: demo test lint cases mutants fuzz wheel clean prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -43,6 +43,14 @@ lint: $(READY)
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
 	$(BIN)/pytest tests/test_cases.py --renew-cases
+
+# One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
+mutants: $(READY)
+	$(BIN)/python -m tests.mutants 4000
+
+# Ten thousand hostile inputs under an audit hook: nothing may crash, hang, be run, or be written elsewhere.
+fuzz: $(READY)
+	$(BIN)/python -m tests.hostile 10000
 
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --no-isolation

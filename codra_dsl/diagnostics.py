@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+
+_LINE_NUMBER = re.compile(r"(?<=\bline )\d+")
 
 
 class Severity(StrEnum):
@@ -47,6 +50,38 @@ class Related:
     place: Place
 
 
+class Applicability(StrEnum):
+    """Who may apply a fix: a tool by itself, or a person who has read it."""
+
+    SAFE = "safe"
+    SUGGESTED = "suggested"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Edit:
+    """A range of text and what stands there after the fix; an empty range is an insertion."""
+
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """A way out that a tool can take.
+
+    Attributes:
+        message: what it does, as an order: `Replace 'moniter' by 'monitor'`.
+        edits: do not overlap; all of them or none.
+    """
+
+    message: str
+    edits: tuple[Edit, ...]
+    applicability: Applicability
+
+
+_FIRST_OF_QUALITY = "CDR7"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
     """One kind of finding. Codes are never reused."""
@@ -54,6 +89,11 @@ class Rule:
     code: str
     name: str
     severity: Severity
+
+    @property
+    def is_binding(self) -> bool:
+        """Whether it can be neither silenced nor lowered: an error of phases 0 to 6, without which nothing compiles."""
+        return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +103,9 @@ class Diagnostic:
     Attributes:
         path: the element within the spec, e.g. `skills.open_door.monitor`; holds no line number.
         help: the way out, in one sentence; may be empty only where the message says it.
+        fix: the way out as edits, where a tool can take it.
+        level: the severity that the project's settings give it in place of the rule's.
+        each_use: where the text of a template gives the same in several uses, what it gives in each of them.
     """
 
     rule: Rule
@@ -71,6 +114,9 @@ class Diagnostic:
     path: str = ""
     help: str = ""
     related: tuple[Related, ...] = ()
+    fix: Fix | None = None
+    level: Severity | None = None
+    each_use: tuple[Diagnostic, ...] = ()
 
     @property
     def code(self) -> str:
@@ -79,19 +125,25 @@ class Diagnostic:
 
     @property
     def severity(self) -> Severity:
-        """Return the rule's severity."""
-        return self.rule.severity
+        """Return how bad it is: what the settings say, else what the rule does."""
+        return self.level or self.rule.severity
 
     @property
     def fingerprint(self) -> str:
         """Return a name for this finding that stays the same when lines move."""
-        text = "\0".join((self.code, self.place.span.file, self.path, self.message))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        message = _LINE_NUMBER.sub("", self.message)
+        text = "\0".join((self.code, self.place.span.file, self.path, message))
+        return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
-    """Return whether any finding keeps the spec from being compiled."""
+    """Return whether any finding is an error: then nothing is compiled."""
     return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
+
+
+def has_binding_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether any finding keeps the spec from being compiled whatever comments and settings say."""
+    return any(diagnostic.rule.is_binding for diagnostic in diagnostics)
 
 
 def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
@@ -121,7 +173,7 @@ def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
     uses = {each.place.use: each for each in others if each.place.use != first.place.use}
     told = list(uses.values())[:MAX_USES_TOLD]
     also = tuple(Related(f"in another use: {each.message}", each.place) for each in told)
-    return replace(first, related=first.related + also) if also else first
+    return replace(first, related=first.related + also, each_use=(first, *others)) if also else first
 
 
 MAX_CANDIDATES = 2000

@@ -1,0 +1,224 @@
+"""Compile hostile inputs in this process, under an audit hook: what is run, opened, written or started is a breach.
+
+A breach is told, not stopped: the watch must see what the compiler would really do.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import resource
+import sys
+import tempfile
+import time
+from collections import Counter
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from tests.hostile.inputs import Files, hostile
+
+PROJECT = "[tool.codra]\n"
+READABLE = tuple({os.path.realpath(path) for path in (sys.prefix, sys.base_prefix, Path(__file__).parents[2])})
+CHANGES = {
+    "os.remove",
+    "os.rename",
+    "os.mkdir",
+    "os.rmdir",
+    "os.link",
+    "os.symlink",
+    "os.chmod",
+    "os.truncate",
+    "os.utime",
+}
+FORBIDDEN = (
+    "socket.",
+    "subprocess.",
+    "os.system",
+    "os.fork",
+    "os.exec",
+    "os.posix_spawn",
+    "os.spawn",
+    "pty.",
+    "ctypes.",
+    "pickle.",
+)
+MAKERS_OF_CODE = ("<frozen importlib", "/networkx/", "/inspect.py", "/typing.py")
+"""Imports, decorators of networkx, annotations of commands, which typer reads: no text of a spec gets there."""
+WARM_UP = 50
+WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+@dataclass
+class Watch:
+    """What happens while it is armed, and what of that must not.
+
+    Attributes:
+        root: what may be read.
+        out: what may be changed.
+        breaches: each as a sentence.
+    """
+
+    root: str = ""
+    out: str = ""
+    armed: bool = False
+    breaches: list[str] = field(default_factory=list)
+
+    def __call__(self, event: str, arguments: tuple[object, ...]) -> None:
+        """Judge an audit event; Python calls this for each."""
+        if not self.armed:
+            return
+        self.armed = False  # judging opens files, too
+        try:
+            told = self._judged(event, arguments)
+        finally:
+            self.armed = True
+        if told is not None:
+            self.breaches.append(told)
+
+    def _judged(self, event: str, arguments: tuple[object, ...]) -> str | None:
+        if event == "open":
+            return self._opened(*arguments)
+        if event in CHANGES or event.startswith("shutil."):
+            return None if self._is_within(arguments[0], self.out) else f"{event} {arguments[0]!r}"
+        if event == "import" and str(arguments[0]).split(".")[0] in (
+            "antigravity",
+            "turtle",
+            "hostile_module",
+            "this",
+            "tests",
+        ):
+            return f"import {arguments[0]}"
+        if event == "exec":
+            return f"exec {arguments[0]!r}" if not _is_of_a_library(arguments[0]) else None
+        return f"{event} {arguments!r:.200}" if event.startswith(FORBIDDEN) else None
+
+    def _opened(self, path: object, mode: object, flags: object) -> str | None:
+        if isinstance(path, int):
+            return None
+        writes = bool(flags & WRITING) if isinstance(flags, int) else any(letter in str(mode) for letter in "wax+")
+        allowed = (self.out,) if writes else (self.root, *READABLE)
+        return None if any(self._is_within(path, folder) for folder in allowed) else f"open {path!r} {mode} {flags}"
+
+    @staticmethod
+    def _is_within(path: object, folder: str) -> bool:
+        found = os.path.realpath(os.fsdecode(path))  # type: ignore[arg-type]
+        return found == folder or found.startswith(folder + os.sep)
+
+
+def _is_of_a_library(code: object) -> bool:
+    """Return whether code is that of a module, or made by what MAKERS_OF_CODE names."""
+    if str(getattr(code, "co_filename", "")).startswith((*READABLE, "<frozen")):
+        return True
+    frame: FrameType | None = sys._getframe()
+    while frame is not None:
+        if any(maker in frame.f_code.co_filename for maker in MAKERS_OF_CODE):
+            return True
+        frame = frame.f_back
+    return False
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What an input gave."""
+
+    number: int
+    codes: tuple[str, ...]
+    seconds: float
+    crash: str
+
+    @property
+    def is_yaml(self) -> bool:
+        """Return whether the input passed YAML and its limits."""
+        return not self.crash and not any("CDR0" <= code <= "CDR1011" for code in self.codes)
+
+    @property
+    def has_the_right_shape(self) -> bool:
+        """Return whether the input passed the schema as well."""
+        return self.is_yaml and not any(code[3] == "2" for code in self.codes)
+
+
+@dataclass
+class Session:
+    """A run over inputs."""
+
+    outcomes: list[Outcome] = field(default_factory=list)
+    breaches: list[str] = field(default_factory=list)
+
+    @property
+    def peak_bytes(self) -> int:
+        """Return the most memory that this process ever held."""
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+    def report(self) -> str:
+        """Return the figures of the run."""
+        count = len(self.outcomes)
+        slowest = max(self.outcomes, key=lambda each: each.seconds)
+        codes = Counter(code for each in self.outcomes for code in set(each.codes))
+        rows = [
+            f"{count} inputs",
+            f"{sum(each.is_yaml for each in self.outcomes) / count:.1%} pass YAML",
+            f"{sum(each.has_the_right_shape for each in self.outcomes) / count:.1%} pass the schema",
+            f"{sum(not each.codes and not each.crash for each in self.outcomes)} compile",
+            f"{len(codes)} codes",
+            f"slowest: {slowest.seconds:.2f} s (number {slowest.number})",
+            f"peak memory: {self.peak_bytes / 1e6:.0f} MB",
+            f"{sum(bool(each.crash) for each in self.outcomes)} crashes, {len(self.breaches)} breaches",
+        ]
+        rows += [f"crash {each.number}: {each.crash}" for each in self.outcomes if each.crash][:20]
+        return "\n".join(rows + self.breaches[:20])
+
+
+def run(seed: int, first: int, count: int) -> Session:
+    """Compile inputs one after the other and print them in every form."""
+    watch, session = Watch(), Session()
+    sys.addaudithook(watch)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name).resolve()
+        for number in range(-WARM_UP, 0):  # imports what is imported when it is needed
+            _attempt(watch, folder / str(number), hostile(seed, number), number)
+        for number in range(first, first + count):
+            session.outcomes.append(_attempt(watch, folder / str(number), hostile(seed, number), number))
+            if sys.stderr.isatty():
+                print(f"\r{number - first + 1} of {count}", end="", file=sys.stderr)
+    session.breaches = watch.breaches
+    return session
+
+
+def _attempt(watch: Watch, root: Path, files: Files, number: int) -> Outcome:
+    for file, data in {"pyproject.toml": PROJECT.encode(), **files}.items():
+        path = root / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data)
+    out = root / "out"
+    out.mkdir()
+    watch.root, watch.out, watch.armed = str(root), str(out), number >= 0
+    started, crash = time.perf_counter(), ""
+    codes: tuple[str, ...] = ()
+    try:
+        codes = _compiled(root, out)
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is a crash
+        crash = f"{type(error).__name__}: {error!s:.200}"
+    finally:
+        watch.armed = False
+    return Outcome(number, codes, time.perf_counter() - started, crash)
+
+
+def _compiled(root: Path, out: Path) -> tuple[str, ...]:
+    from codra_dsl.compiler import compile_paths
+    from codra_dsl.output import freshness, write
+    from codra_dsl.report import findings, graphs
+
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        compilation = compile_paths([root / "spec.yaml"], root)
+        found = compilation.planned.diagnostics
+        findings.render_full(found, lambda file: (root / file).read_text("utf-8", errors="replace"))
+        findings.render_concise(found)
+        findings.render_json(found)
+        if compilation.files:
+            write(compilation.files, out, compilation.covered)
+            freshness(compilation.files, out, compilation.covered)
+            graphs.render_json(compilation.planned.plans)
+            graphs.render_dot(compilation.planned.plans)
+    return tuple(each.code for each in found)
