@@ -25,7 +25,7 @@ sys.exit(not (drawing and rendering))
 endef
 export PROBE
 
-.PHONY: demo test lint cases mutants fuzz wheel clean prerequisites
+.PHONY: demo test lint cases mutants fuzz kills bench wheel clean prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -42,7 +42,7 @@ lint: $(READY)
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
-	$(BIN)/pytest tests/test_cases.py --renew-cases
+	$(BIN)/pytest tests/test_cases.py tests/report/test_explain.py --renew-cases
 
 # One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
 mutants: $(READY)
@@ -52,11 +52,19 @@ mutants: $(READY)
 fuzz: $(READY)
 	$(BIN)/python -m tests.hostile 10000
 
+# Two thousand writers of journals are killed: does each journal recover, with all that its writer had told of?
+kills: $(READY)
+	$(BIN)/python -m tests.kills 2000
+
+# Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
+bench: $(READY)
+	$(BIN)/python benchmarks/bench.py
+
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --no-isolation
 
 clean:
-	rm -rf $(VENV) build dist .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml | prerequisites

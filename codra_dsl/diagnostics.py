@@ -8,6 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Protocol
 
 _LINE_NUMBER = re.compile(r"(?<=\bline )\d+")
 
@@ -34,12 +35,44 @@ class Span:
     end_column: int
 
 
+class HasSpans(Protocol):
+    """A text that tells the spans of its ranges."""
+
+    def span(self, start: int, end: int) -> Span:
+        """Return the span of a range, given as offsets in code points."""
+        ...
+
+
+class _Late:
+    """Lets a place work out its span when that is first asked for: of most places it never is."""
+
+    __slots__ = ("_late",)
+    _late: tuple[HasSpans, int, int]
+
+    def __getattr__(self, name: str) -> object:
+        """Fill the slot `span`, which is empty as long as Python comes here for it."""
+        if name != "span":
+            raise AttributeError(name)
+        text, start, end = self._late
+        span = text.span(start, end)
+        object.__setattr__(self, "span", span)
+        return span
+
+
 @dataclass(frozen=True, slots=True, order=True)
-class Place:
+class Place(_Late):
     """Where an element stands: its span and, for what a template made, the span of the `use` that made it."""
 
     span: Span
     use: Span | None = None
+
+
+def late_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
+    """Return the place of a range of a text that can tell the spans of its ranges."""
+    place = object.__new__(Place)
+    object.__setattr__(place, "_late", (text, start, end))
+    object.__setattr__(place, "use", use)
+    return place
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +113,14 @@ class Fix:
 
 
 _FIRST_OF_QUALITY = "CDR7"
+
+
+def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
+    """Return the fix that puts one text in another's place; None in a template's text, which has other uses."""
+    if place.use is not None:
+        return None
+    applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
+    return Fix(message=f"Replace '{old}' by '{new}'", edits=(Edit(place.span, new),), applicability=applicability)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,8 +173,14 @@ class Diagnostic:
     def fingerprint(self) -> str:
         """Return a name for this finding that stays the same when lines move."""
         message = _LINE_NUMBER.sub("", self.message)
-        text = "\0".join((self.code, self.place.span.file, self.path, message))
+        used_in = () if self.place.use is None else (self.place.use.file,)  # specs share parts
+        text = "\0".join((self.code, self.place.span.file, self.path, message, *used_in))
         return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
+
+
+def is_safe(found: Diagnostic) -> bool:
+    """Return whether a tool may fix a finding by itself."""
+    return found.fix is not None and found.fix.applicability is Applicability.SAFE
 
 
 def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
@@ -179,17 +226,24 @@ def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
 MAX_CANDIDATES = 2000
 MAX_SUGGESTED_LENGTH = 64
 
+_APART = re.compile(r"[_\s-]+")
+_DIGIT = re.compile(r"[0-9]")
+_SHORT_WORD = 4
+_LONG_WORD = 8
+
 
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
     """Return the candidate that `name` most likely means, or None.
 
-    At most a third of the letters may differ (insertions, deletions, replacements, neighbours swapped). Cost is
-    bounded: at most MAX_CANDIDATES names of similar length are compared.
+    At most a third of the letters may differ (insertions, deletions, replacements, neighbours swapped); of two that
+    are as near, the one that begins alike. Cost is bounded: at most MAX_CANDIDATES names of similar length are
+    compared.
     """
     if len(name) > MAX_SUGGESTED_LENGTH:
         return None
     limit = max(1, len(name) // 3)
-    similar = sorted(other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name)
+    similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
+    similar.sort(key=lambda other: (other[:1] != name[:1], other))
     wanted, best = name.casefold(), None
     for other in similar[:MAX_CANDIDATES]:
         distance = _distance(wanted, other.casefold(), limit)
@@ -198,6 +252,35 @@ def suggest(name: str, candidates: Iterable[str]) -> str | None:
         if limit < 0:
             break
     return best
+
+
+def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
+    """Return whether a misspelt name can hardly mean anything but `near`, so that a tool may put it right.
+
+    Either they differ in case or underscores only; or in one word of four letters, by one slip (two from eight letters
+    on), and in no digit. No other candidate may be about as similar.
+    """
+    if not is_slip(name, near):
+        return False
+    wanted, limit = name.casefold(), _distance(name.casefold(), near.casefold(), len(near)) + 1
+    others = [other for other in set(candidates) if other not in (name, near) and abs(len(other) - len(name)) <= limit]
+    return len(others) <= MAX_CANDIDATES and all(_distance(wanted, other.casefold(), limit) > limit for other in others)
+
+
+def is_slip(name: str, near: str) -> bool:
+    """Return whether two names differ by so little that one is the other, misspelt."""
+    if max(len(name), len(near)) > MAX_SUGGESTED_LENGTH:
+        return False
+    left, right = (_APART.split(each.casefold()) for each in (name, near))
+    if "".join(left) == "".join(right):
+        return True
+    different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
+    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(near):
+        return False
+    one, other = different[0]
+    slips = 1 if len(other) < _LONG_WORD else 2
+    long_enough = max(len(one), len(other)) >= _SHORT_WORD and min(len(one), len(other)) >= _SHORT_WORD - 1
+    return long_enough and _distance(one, other, slips) <= slips
 
 
 def _distance(left: str, right: str, limit: int) -> int:

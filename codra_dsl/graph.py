@@ -8,8 +8,10 @@ memory allows.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
-import networkx as nx
+if TYPE_CHECKING:
+    import networkx as nx
 
 Needs = Mapping[str, Sequence[str]]
 
@@ -36,6 +38,10 @@ def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
 
     A name that is on no cycle has no part in the answer; a name that needs itself is a component of its own.
     """
+    if not needs:
+        return ()
+    import networkx as nx  # noqa: PLC0415  slow to import; a spec without feedback never needs it
+
     graph = _directed(needs)
     found = (sorted(names) for names in nx.strongly_connected_components(graph))
     return tuple(sorted(tuple(names) for names in found if len(names) > 1 or graph.has_edge(names[0], names[0])))
@@ -47,10 +53,10 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
     Among cycles of the same length it takes the one met first when starting from the least name; the path begins with
     its own least name. On graphs with very many cycles the search is bounded by MAX_VISITS.
     """
-    graph = _directed(needs)
-    itself = min(nx.nodes_with_selfloops(graph), default=None)
+    itself = min((name for name, wanted in needs.items() if name in wanted), default=None)
     if itself is not None:
         return (itself,)
+    graph = _directed(needs)
     budget = MAX_VISITS
     best: tuple[str, ...] = ()
     waiting = _cyclic_parts(graph)
@@ -67,6 +73,8 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
 
 def _directed(needs: Needs) -> nx.DiGraph[str]:
     """Return the graph with an edge from each name to each name that it needs."""
+    import networkx as nx  # noqa: PLC0415
+
     graph: nx.DiGraph[str] = nx.DiGraph()
     graph.add_nodes_from(needs)
     graph.add_edges_from((name, need) for name, wanted in needs.items() for need in wanted)
@@ -75,6 +83,8 @@ def _directed(needs: Needs) -> nx.DiGraph[str]:
 
 def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
     """Return copies of the parts of `graph` that hold a cycle of several names, ordered by least name."""
+    import networkx as nx  # noqa: PLC0415
+
     cyclic = (names for names in nx.strongly_connected_components(graph) if len(names) > 1)
     return [graph.subgraph(names).copy() for names in sorted(cyclic, key=min)]
 

@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import chain
 
 from codra_dsl.diagnostics import Place
 from codra_dsl.expression import Node
@@ -27,27 +28,32 @@ class Places(Mapping[str, Place]):
     A key leads to its value where that is a scalar or a list on one line, else to the key itself.
     """
 
-    __slots__ = ("_place_of", "_ranges")
+    __slots__ = ("_keys", "_offsets", "_place_of")
 
     def __init__(self, place_of: PlaceOf, ranges: Mapping[str, tuple[int, int]]) -> None:
+        """Begin with the ranges that keys lead to, kept as two tuples: a spec has many of these, which are small so."""
         self._place_of = place_of
-        self._ranges = ranges
+        self._keys = tuple(ranges)
+        self._offsets = tuple(chain.from_iterable(ranges.values()))
 
     def __getitem__(self, key: str) -> Place:
         """Return the place that belongs to a key."""
-        return self._place_of(*self._ranges[key])
+        if key not in self._keys:
+            raise KeyError(key)
+        index = 2 * self._keys.index(key)
+        return self._place_of(self._offsets[index], self._offsets[index + 1])
 
     def __iter__(self) -> Iterator[str]:
         """Yield the keys in file order."""
-        return iter(self._ranges)
+        return iter(self._keys)
 
     def __len__(self) -> int:
         """Return how many keys are present."""
-        return len(self._ranges)
+        return len(self._keys)
 
     def __repr__(self) -> str:
-        """Return the ranges by key."""
-        return f"Places({dict(self._ranges)!r})"
+        """Return keys and ranges."""
+        return f"Places({self._keys!r}, {self._offsets!r})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +137,7 @@ class ValueType:
         unit: the unit's text, e.g. `m/s`, or None. Values are in this unit; only `with` literals are turned to SI.
         range: both ends inclusive, in `unit`.
         values: an enum's members, in order.
-        places: of what is written, by key (`type`, `unit`, `range`, `values`).
+        places: of what is written, by key (`type`, `unit`, `range`, `values`); `values.NAME` has that of a member.
     """
 
     kind: Kind
@@ -161,6 +167,10 @@ class Condition:
     def place_of(self, node: Node) -> Place:
         """Return the place of a part of this condition, or of the whole where letters cannot be matched."""
         return self.place_between(node.start, node.end)
+
+    def text_of(self, node: Node) -> str:
+        """Return a part of this condition as it is written."""
+        return self.text[node.start : node.end]
 
     def place_between(self, start: int, end: int) -> Place:
         """Return the place of a range of `text`, or of the whole condition where letters cannot be matched."""
@@ -345,6 +355,25 @@ class Use:
     place: Place
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeclaredTemplate:
+    """A template as declared, whether or not a `use` names it.
+
+    Attributes:
+        is_used: whether a `use` names it; also where some uses could not be read, so that nobody knows.
+        parameters: those that it declares; a reference's name is the parameter's.
+        resources: the names under `uses` of its algorithms, as written, parameters and all.
+        sources: the names under `source` of its context-variables, likewise.
+    """
+
+    name: str
+    place: Place
+    is_used: bool
+    parameters: tuple[Reference, ...] = ()
+    resources: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+
 class AnyName(frozenset[str]):
     """Every name there is; iterating gives only those that are spelled out somewhere."""
 
@@ -366,6 +395,7 @@ class Spec:
     Attributes:
         file: of the spec itself, relative to the project root.
         files: all files that belong to it, the spec's own first, then parts in the order of inclusion.
+        modules: the files of Python modules that its calls were compared with, or looked for in vain.
         origins: for each element (`kind`, `name`) the module it goes to: the instance of the use that made it, or
             the stem of the file it stands in; made an identifier and unique without regard to case.
         damaged: names per kind (`context`, `perception`, ...) of elements that `load` could not read whole, be they
@@ -380,6 +410,7 @@ class Spec:
     place: Place
     file: str
     files: tuple[str, ...]
+    modules: tuple[str, ...] = ()
     context: tuple[Variable, ...] = ()
     perception: tuple[Algorithm, ...] = ()
     skills: tuple[Skill, ...] = ()
@@ -387,6 +418,7 @@ class Spec:
     resources: tuple[Resource, ...] = ()
     agents: tuple[Agent, ...] = ()
     uses: tuple[Use, ...] = ()
+    templates: tuple[DeclaredTemplate, ...] = ()
     origins: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False, hash=False)
     damaged: Mapping[str, frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
     damaged_keys: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict, compare=False, hash=False)

@@ -8,6 +8,7 @@ of ours is an orphan as a whole when the file that it was made from was compiled
 from __future__ import annotations
 
 import difflib
+import hashlib
 import json
 import shutil
 import tempfile
@@ -16,9 +17,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from codra_dsl.collector import paused_collector
 from codra_dsl.diagnostics import Diagnostic, Place, Severity, Span, rules
-from codra_dsl.emit import package_text
-from codra_dsl.emit.records import FORMAT, MANIFEST
+from codra_dsl.project import MANIFEST, MANIFEST_FORMAT
 
 _CACHE = "__pycache__"
 _ENTRY = "__init__.py"
@@ -83,10 +84,7 @@ def stale(drifted: Drift) -> Diagnostic:
     return about_output("stale-output", drifted.path, message, way_out="renew it with 'codra compile'")
 
 
-class BrokenOutputError(Exception):
-    """Generated text is not what it should be: a bug of the emitter, found before anything was replaced."""
-
-
+@paused_collector()
 def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Freshness:
     """Return how an output folder differs from what it should hold; nothing is written.
 
@@ -103,6 +101,29 @@ def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) 
     return Freshness(drifts=tuple(sorted(drifts, key=lambda each: each.path)))
 
 
+def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> bool:
+    """Return whether an output folder holds what some run made, no more and no less.
+
+    Args:
+        outputs: the digest of each file, as `digests` gives it, by path relative to the folder.
+        out: the output folder, as an absolute path.
+        covered: the specs' files and folders that the run answers for, relative to the project root.
+    """
+    if any(_foreign(outputs, out)) or _orphans(outputs, out, covered):
+        return False
+    return all(_digest(_bytes(out / path)) == digest for path, digest in outputs.items())
+
+
+def digests(files: Mapping[str, str]) -> Mapping[str, str]:
+    """Return the digest of each output by its path."""
+    return {path: _digest(text.encode()) for path, text in files.items()}
+
+
+def _digest(data: bytes | None) -> str:
+    return "" if data is None else hashlib.sha256(data).hexdigest()
+
+
+@paused_collector()
 def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Written:
     """Bring an output folder up to date: write what changed, remove orphans, touch nothing else.
 
@@ -117,12 +138,14 @@ def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> W
     Raises:
         BrokenOutputError: if a text does not compile; then nothing was written.
     """
+    from codra_dsl.emit.proof import prove  # noqa: PLC0415  whoever has nothing to write does not need the emitter
+
     refused = tuple(_foreign(files, out))
     if refused:
         return Written(diagnostics=refused)
     orphans = _orphans(files, out, covered)
     changed = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
-    _prove(changed)
+    prove(changed)
     try:
         _replace(changed, out)
         _remove(orphans, out)
@@ -160,12 +183,16 @@ def _is_ours_or_new(out: Path) -> bool:
     if not out.is_dir():
         return False
     entries = _entries(out)
-    return not entries or _text(out / _ENTRY) == package_text() or any(map(_is_our_package, entries))
+    if not entries or any(map(_is_our_package, entries)):
+        return True
+    from codra_dsl.emit import package_text  # noqa: PLC0415
+
+    return _text(out / _ENTRY) == package_text()
 
 
 def _is_our_package(folder: Path) -> bool:
     """Return whether a folder has a manifest of ours, be it edited or torn by a merge."""
-    return not folder.is_symlink() and f'"{FORMAT}"' in _text(folder / MANIFEST)
+    return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _text(folder / MANIFEST)
 
 
 def _entries(folder: Path) -> list[Path]:
@@ -238,18 +265,6 @@ def _text(path: Path) -> str:
 
 
 # ---------------------------------------------------------------------------------------------------- writing
-
-
-def _prove(files: Mapping[str, str]) -> None:
-    """Compile code and read JSON, so that nothing broken ever replaces what works."""
-    for path, text in files.items():
-        try:
-            if path.endswith(".py"):
-                compile(text, path, "exec", dont_inherit=True)
-            else:
-                json.loads(text)
-        except (SyntaxError, ValueError, RecursionError) as error:
-            raise BrokenOutputError(f"{path}: {error}") from error
 
 
 def _replace(files: Mapping[str, str], out: Path) -> None:

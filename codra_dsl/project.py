@@ -1,9 +1,26 @@
-"""Where a project begins: the nearest folder upwards whose `pyproject.toml` has a table `[tool.codra]`."""
+"""A project: its root is the nearest folder upwards whose `pyproject.toml` has a table `[tool.codra]`."""
 
 from __future__ import annotations
 
+import os
+import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+
+_OUR_TABLE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*\[{1,2}[ \t]*tool[ \t]*\.[ \t]*codra[ \t]*[.\]]", re.MULTILINE)
+
+
+MANIFEST = "manifest.json"
+"""The file by which a package is known as one that codra made: it has this text in it."""
+
+MANIFEST_FORMAT = "codra-manifest"
+
+SCHEMA_FILE = Path(__file__).with_name("schema.json")
+"""The published schema of a spec."""
+
+SCHEMA_COPY = ".codra/schema.json"
+"""Where a project has a copy of it for its editors, from the root, if it has one."""
 
 
 def project_of(path: Path) -> Path | None:
@@ -17,10 +34,42 @@ def root_of(path: Path) -> Path:
     return project_of(path) or (path.absolute() if path.is_dir() else path.absolute().parent)
 
 
+def relative(path: Path, root: Path) -> str:
+    """Return a path as findings name it: from a project's root, with `/`."""
+    return Path(os.path.relpath(path.absolute(), root.absolute())).as_posix()
+
+
+def yaml_files(folder: Path) -> Iterator[Path]:
+    """Yield the YAML files in or below a folder, sorted, then each folder that cannot be looked into.
+
+    Hidden folders and links to folders are not entered.
+    """
+    shut: list[OSError] = []
+    for around, folders, files in os.walk(folder, onerror=shut.append):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        yield from (Path(around, name) for name in sorted(files) if name.endswith((".yaml", ".yml")))
+    yield from (Path(error.filename) for error in shut)
+
+
+def has_stale_schema(root: Path) -> bool:
+    """Return whether a project has a copy of the schema that is not the one of this version."""
+    copy = root / SCHEMA_COPY
+    if copy.is_symlink() or copy.parent.is_symlink():  # it leads elsewhere, and what is there is not ours
+        return False
+    try:
+        return copy.read_bytes() != SCHEMA_FILE.read_bytes()
+    except OSError:  # none there
+        return False
+
+
 def _is_project(folder: Path) -> bool:
     try:
-        settings = tomllib.loads((folder / "pyproject.toml").read_text("utf-8"))
-    except (OSError, ValueError):
+        data = (folder / "pyproject.toml").read_bytes()
+    except OSError:
         return False
+    try:
+        settings = tomllib.loads(data.decode("utf-8"))
+    except (ValueError, RecursionError):
+        return _OUR_TABLE.search(data) is not None  # what is wrong with it is a finding, not a reason to look elsewhere
     tool = settings.get("tool")
-    return isinstance(tool, dict) and isinstance(tool.get("codra"), dict)
+    return isinstance(tool, dict) and "codra" in tool

@@ -170,6 +170,12 @@ _OTHER_SPELLINGS: Mapping[str, str] = {
 }
 
 
+_OTHER_UNIT = re.compile(
+    r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
+)
+"""Symbols of units that there are not: none of ours is meant by them."""
+
+
 @lru_cache(maxsize=1024)
 def parse_unit(text: str) -> Unit | None:
     """Return the unit that a text such as `mm`, `m/s`, `N*m` or `1/min` names, or None if it names none."""
@@ -198,9 +204,11 @@ def suggest_unit(text: str) -> str | None:
 def units_help(text: str) -> str:
     """Return the way out for a text that names no unit."""
     near = suggest_unit(text)
-    return f"did you mean '{near}'?" if near else f"units are {', '.join(UNITS)}, and their products and quotients"
+    known = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else leave the unit away"
+    return f"did you mean '{near}'?" if near else known
 
 
+@lru_cache(maxsize=1024)
 def parse_quantity(text: str) -> Quantity | None:
     """Return the number with a unit that a text such as `-20 cm` states, or None if it states none."""
     match = _QUANTITY.fullmatch(text)
@@ -273,6 +281,10 @@ def _nearest(piece: str) -> str | None:
     for spelling in (small, small.removesuffix("s")):
         if spelling in _OTHER_SPELLINGS:
             return _OTHER_SPELLINGS[spelling]
+    if _OTHER_UNIT.fullmatch(piece):
+        return None
+    if piece[1:] == piece[:-1] and piece[:1] in UNITS:  # a key pressed twice
+        return piece[:1]
     same = [symbol for symbol in UNITS if symbol.casefold() == small]
     return same[0] if len(same) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
 

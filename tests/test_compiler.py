@@ -12,14 +12,15 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.compiler import Compilation, compile_paths
-from codra_dsl.output import BrokenOutputError, Change, freshness, stale, write
+from codra_dsl.emit.proof import BrokenOutputError
+from codra_dsl.output import Change, freshness, stale, write
 from codra_dsl.project import project_of, root_of
 
 DOOR = """\
 codra: 1
 name: door
 context:
-  door_open: {type: bool, valid_for: 5 s}
+  door_open: {type: bool, valid_for: 10 s}
 perception:
   measure_door:
     call: some_robot.doors:measure

@@ -188,7 +188,9 @@ def link(name: str, folder: Path) -> None:
 
 def test_an_installed_wheel_compiles_a_spec_outside_the_repository(site: Path, tmp_path: Path) -> None:
     """The one that README.md shows."""
-    (spec,) = re.findall(r"^```yaml\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL)
+    (spec,) = re.findall(
+        r"^```yaml[^\n]*\n(.*?)^```", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE | re.DOTALL
+    )
     (tmp_path / "door.yaml").write_text(spec, "utf-8")
     python = (sys.executable, "-S", "-B")  # -S: nothing that is installed beside `site`
     env = {"PYTHONPATH": str(site), "PATH": os.environ["PATH"]}

@@ -14,10 +14,17 @@ def test_a_changed_token_is_found_near_where_it_was_changed() -> None:
     near = [each for each in meant if each.fate is Fate.NEAR]
 
     assert len(judged) == COUNT
-    assert len(near) >= 0.9 * len(meant), report(judged)
+    assert len(near) >= 0.95 * len(meant), report(judged)
 
 
 def test_a_changed_token_gives_few_findings() -> None:
     found = [len(each.findings) for each in verdicts(COUNT, seed=2) if each.findings]
 
-    assert sum(found) <= 1.5 * len(found)
+    assert sum(found) <= 1.1 * len(found)
+
+
+def test_what_is_suggested_for_a_misspelt_name_is_that_name() -> None:
+    suggestions = [each.suggestion for each in verdicts(2 * COUNT, seed=3) if each.suggestion is not None]
+
+    assert len(suggestions) >= 50
+    assert sum(right for _, right in suggestions) >= 0.9 * len(suggestions)

@@ -113,7 +113,9 @@ def test_a_near_unit_is_suggested(text: str, meant: str) -> None:
     assert units_help(text) == f"did you mean '{meant}'?"
 
 
-@pytest.mark.parametrize("text", ["", "markers", "/", "parsec", "*" * 50, "m" * 5000, "x*y", "m/qqqq"])
+@pytest.mark.parametrize(
+    "text", ["", "markers", "/", "parsec", "degC", "K", "kW", "mg", "MB", "*" * 50, "m" * 5000, "x*y", "m/qqqq"]
+)
 def test_without_a_near_unit_all_are_listed(text: str) -> None:
     assert suggest_unit(text) is None
     assert "percent" in units_help(text)

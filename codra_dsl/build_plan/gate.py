@@ -99,13 +99,16 @@ def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
     """A tree comes after the trees that it needs, unless they need each other (feedback)."""
     tree_of = {name: tree.name for tree in plan.forest for name in tree.identifies}
     needs = {tree.name: [tree_of[name] for name in tree.needs if name in tree_of] for tree in plan.forest}
-    circle = {name: index for index, names in enumerate(graph.strong_components(needs)) for name in names}
     before: set[str] = set()
+    early: list[tuple[str, str]] = []
     for tree in plan.forest:
-        for need in needs[tree.name]:
-            if need not in before and (need not in circle or circle[need] != circle.get(tree.name)):
-                yield f"tree {tree.name} stands before {need}, which it needs"
+        early += [(tree.name, need) for need in needs[tree.name] if need not in before]
         before.add(tree.name)
+    circles = graph.strong_components(needs) if early else ()
+    circle = {name: index for index, names in enumerate(circles) for name in names}
+    for name, need in early:
+        if need not in circle or circle[need] != circle.get(name):
+            yield f"tree {name} stands before {need}, which it needs"
 
 
 def _names_are_python(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:

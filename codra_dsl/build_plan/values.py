@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import chain
+from typing import NamedTuple
 
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
 from codra_dsl.model import Use
@@ -29,16 +30,14 @@ class NodeKind(StrEnum):
     SKILL = "skill"
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(NamedTuple):
     """An element of the dependency graph."""
 
     kind: NodeKind
     name: str
 
 
-@dataclass(frozen=True, slots=True)
-class Edge:
+class Edge(NamedTuple):
     """A dependency: an observer runs an algorithm, an algorithm identifies a variable, and so on."""
 
     source: Node
@@ -88,7 +87,7 @@ class Tree:
     @property
     def branches(self) -> tuple[Branch, ...]:
         """Return all branches, group by group."""
-        return tuple(chain.from_iterable(self.groups))
+        return self.groups[0] if len(self.groups) == 1 else tuple(chain.from_iterable(self.groups))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,8 +54,7 @@ class CheckedAlgorithm:
     @property
     def needs(self) -> tuple[str, ...]:
         """Return C_Oi of this algorithm (P1, Equation 7): every context-variable that it reads, sorted."""
-        read = {name for condition in self.observable_when for name in condition.variables}
-        return tuple(sorted(read | {reference.name for reference in self.algorithm.given}))
+        return tuple(sorted((*self.waits_for, *self.feedback))) if self.feedback else self.waits_for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from enum import StrEnum
 from codra_dsl.check.lowering import lower
 from codra_dsl.check.types import Problem, Type, Typed, Types, fit, infer, infer_condition
 from codra_dsl.expression import Call, Name, Node, walk
-from codra_dsl.model import Algorithm, Condition, Hysteresis, Identification, Members, Spec
+from codra_dsl.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Skill, Spec
 
 
 class Role(StrEnum):
@@ -68,40 +68,55 @@ class Judgement:
 
 def sites(spec: Spec) -> Iterator[Site]:
     """Yield every condition of a spec that could be read."""
-    for algorithm in spec.perception:
-        yield from _algorithm_sites(algorithm)
-    for skill in spec.skills:
-        for expectation in skill.monitor:
-            if expectation.condition is not None:
-                owner = ("skills", skill.name)
-                yield from _site(Role.MONITOR, owner, expectation.condition, expectation.variable.name)
+    surveyor = _Surveyor()
+    found = (*map(surveyor.of_algorithm, spec.perception), *map(surveyor.of_skill, spec.skills))
+    return (site for sites in found for site in sites if site is not None)
 
 
-def _algorithm_sites(algorithm: Algorithm) -> Iterator[Site]:
-    owner = ("perception", algorithm.name)
-    for condition in algorithm.observable_when:
-        yield from _site(Role.OBSERVABLE_WHEN, owner, condition)
-    for condition in algorithm.accept_when:
-        yield from _site(Role.ACCEPT_WHEN, owner, condition)
-    for entry in algorithm.identifies:
-        result = Result.VALUE if isinstance(entry.by, Condition) else Result.TRUTH
-        for condition in parts_of(entry):
-            yield from _site(Role.IDENTIFIES, owner, condition, entry.variable.name, result)
+class _Surveyor:
+    """Finds the conditions of elements; those that read alike share one tree, which is looked through once."""
 
+    def __init__(self) -> None:
+        self._mentions: dict[int, tuple[tuple[Name, ...], tuple[Name, ...]]] = {}
 
-def _site(
-    role: Role,
-    owner: tuple[str, str],
-    condition: Condition,
-    variable: str | None = None,
-    result: Result = Result.TRUTH,
-) -> Iterator[Site]:
-    if condition.tree is None:
-        return
-    names, values = _mentions(condition.tree)
-    yield Site(
-        role=role, owner=owner, condition=condition, names=names, values=values, variable=variable, result=result
-    )
+    def of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
+        """Return the conditions of an algorithm."""
+        owner = ("perception", algorithm.name)
+        found = [self._site(Role.OBSERVABLE_WHEN, owner, condition) for condition in algorithm.observable_when]
+        found += [self._site(Role.ACCEPT_WHEN, owner, condition) for condition in algorithm.accept_when]
+        for entry in algorithm.identifies:
+            result = Result.VALUE if isinstance(entry.by, Condition) else Result.TRUTH
+            name = entry.variable.name
+            found += [self._site(Role.IDENTIFIES, owner, condition, name, result) for condition in parts_of(entry)]
+        return found
+
+    def of_skill(self, skill: Skill) -> list[Site | None]:
+        """Return the conditions of a skill."""
+        return [
+            self._site(Role.MONITOR, ("skills", skill.name), each.condition, each.variable.name)
+            for each in skill.monitor
+            if each.condition is not None
+        ]
+
+    def _site(
+        self,
+        role: Role,
+        owner: tuple[str, str],
+        condition: Condition,
+        variable: str | None = None,
+        result: Result = Result.TRUTH,
+    ) -> Site | None:
+        """Return a condition where it stands, or None if it could not be read."""
+        tree = condition.tree
+        if tree is None:
+            return None
+        mentions = self._mentions.get(id(tree))
+        if mentions is None:
+            mentions = self._mentions[id(tree)] = _mentions(tree)
+        names, values = mentions
+        return Site(
+            role=role, owner=owner, condition=condition, names=names, values=values, variable=variable, result=result
+        )
 
 
 def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
@@ -133,6 +148,10 @@ def judge(site: Site, tree: Node, seen: Types, wanted: Type | None) -> Judgement
         seen: the types of the names that it can see.
         wanted: the type of the context-variable that gets its value, if one does.
     """
+    if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
+        declared = seen.get(tree.name)
+        if declared is None or declared.kind is Kind.BOOL:
+            return Judgement(site, Typed(tree, declared), ())
     known = site.role is Role.OBSERVABLE_WHEN
     if site.result is Result.TRUTH:
         return Judgement(site, *infer_condition(tree, seen, known=known))

@@ -11,15 +11,19 @@ from dataclasses import dataclass
 from itertools import combinations, pairwise
 
 from codra_dsl import graph
-from codra_dsl.check.possible import can_hold
+from codra_dsl.check.contradictions import Stated, contradiction, never_true, related_to, stated
+from codra_dsl.check.possible import can_hold, known
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related
-from codra_dsl.expression import And, Node, names_in
+from codra_dsl.expression import And, Name, Node, names_in
 from codra_dsl.model import Algorithm, Condition
 
 MAX_COMBINED = 8
 """If one condition reads more unknown names, each of them counts as one that it waits for."""
+
+MAX_WAITING = 5
+"""How many algorithms that wait for one that never runs are named with it."""
 
 
 def cycles(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
@@ -31,7 +35,7 @@ def cycles(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     while search.blocked:
         never = [name for name in search.blocked if not search.could_run(name)]
         if never:
-            yield from (_never_runs(scope, name) for name in never)
+            yield from (_never_runs(scope, search, name) for name in never)
             search.let_run(never)
             continue
         waits = search.waits()
@@ -187,7 +191,10 @@ class _Search:
         return [name for name in names if any(not held and holds[without | {name}] for without, held in holds.items())]
 
     def _can_run(self, algorithm: Algorithm) -> bool:
-        return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), self._unknown(algorithm))
+        unknown = self._unknown(algorithm)
+        if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
+            return True  # as most of them can, once all that they need is reached
+        return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), unknown)
 
     def _unknown(self, algorithm: Algorithm) -> frozenset[str]:
         needs, declared = self._scope.needs[algorithm.name], self._scope.variables
@@ -205,6 +212,8 @@ def _holds(scope: Scope, requirements: Sequence[_Requirement], unknown: frozense
     if any(each.given in unknown for each in requirements):
         return False
     conditions = [condition for each in requirements for condition in each.conditions]
+    asked = {name for each in requirements if each.given is None for name in each.names}
+    conditions += [known(each.given) for each in requirements if each.given is not None and each.given in asked]
     return can_hold(conditions, unknown & {name for each in requirements for name in each.names}, scope.context_types)
 
 
@@ -257,15 +266,34 @@ def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
     return given.place, "is given its value"
 
 
-def _never_runs(scope: Scope, name: str) -> Diagnostic:
+def _never_runs(scope: Scope, search: _Search, name: str) -> Diagnostic:
     algorithm = scope.algorithms[name]
-    conditions = _sound_conditions(scope, algorithm)
-    impossible = [each for each, tree in conditions if not can_hold([tree], (), scope.context_types)]
-    if impossible:
-        place, reason = impossible[0].place, f"'{impossible[0].text}' is never true"
-    else:
-        place = algorithm.places.get("observable_when", algorithm.place)
-        reason = "its conditions are never true together"
-    message = f"algorithm '{name}' can never run: {reason}"
-    way_out = "change the condition, or remove the algorithm"
-    return finding("never-runs", message, place, path=f"perception.{name}.observable_when", way_out=way_out)
+    conditions = [stated(each, tree) for each, tree in _sound_conditions(scope, algorithm)]
+    given = [Stated(known(each.name), f"given: {each.name}", each.place) for each in algorithm.given]
+    core = contradiction((*given, *conditions), scope.context_types)
+    variables = [
+        scope.variables[name.name] for each in core for name in names_in(each.tree) if name.name in scope.variables
+    ]
+    return finding(
+        "never-runs",
+        f"algorithm '{name}' can never run: {never_true(core)}",
+        core[-1].place,
+        path=f"perception.{name}.observable_when",
+        way_out="change the condition, or remove the algorithm",
+        related=(
+            *related_to(core, scope.context_types, dict.fromkeys(variables)),
+            *_waiting_for(scope, search, algorithm),
+        ),
+    )
+
+
+def _waiting_for(scope: Scope, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
+    """Yield the algorithms that wait for what one that never runs would identify."""
+    identified = {entry.variable.name for entry in algorithm.identifies}
+    others = [
+        each for each in search.blocked.values() if each is not algorithm and identified & set(scope.needs[each.name])
+    ]
+    for each in others[:MAX_WAITING]:
+        need = next((need for need in search.blocking(each) if need in identified), None)
+        if need is not None:
+            yield Related(f"algorithm '{each.name}' waits for '{need}'", _place_of_need(each, need)[0])

@@ -22,7 +22,7 @@ def confirmations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
                     f"'confirm' of '{name}' has no effect yet: each result counts at once",
                     entry.by.place,
                     path=f"perception.{algorithm.name}.identifies.{name}",
-                    way_out="refuse doubtful results in 'accept_when' until then",
+                    way_out="refuse doubtful results in 'accept_when'",
                 )
 
 
@@ -38,7 +38,7 @@ def hystereses(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
                     f"between 'enter' and 'leave' of '{name}' a result is unknown for now, and so rejected",
                     entry.by.place,
                     path=f"perception.{algorithm.name}.identifies.{name}",
-                    way_out=f"with 'when_unobservable: keep' on '{name}' the last value stays until then",
+                    way_out=f"with 'when_unobservable: keep' on '{name}' the last value stays",
                 )
 
 
@@ -51,10 +51,11 @@ def expectations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
                 name = expectation.variable.name
                 yield finding(
                     "not-yet-expected",
-                    f"'{name} {expectation.expected} ...' in skill '{skill.name}' is not judged yet, only watched",
+                    f"'{name} {expectation.expected} ...' in skill '{skill.name}' is watched, "
+                    "but nothing judges yet whether it comes true",
                     expectation.place,
                     path=f"skills.{skill.name}.monitor.{name}",
-                    way_out=f"decide on '{name}' after acting until then",
+                    way_out=f"decide on '{name}' after acting, with 'since_s' and 'wait_up_to_s'",
                 )
 
 
@@ -67,7 +68,7 @@ def refreshes(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
                 f"'refresh: on_event' of '{variable.name}' has no effect yet: it is looked at periodically",
                 variable.places.get("refresh", variable.place),
                 path=f"context.{variable.name}.refresh",
-                way_out="set the 'period' of its observer to what you can afford until then",
+                way_out="set the 'period' of its observer to what you can afford",
             )
 
 
@@ -80,7 +81,7 @@ def isolations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
                 f"'isolate: process' of algorithm '{algorithm.name}' has no effect yet: it runs in a thread",
                 algorithm.places.get("isolate", algorithm.place),
                 path=f"perception.{algorithm.name}.isolate",
-                way_out="let the function itself start a process if it may crash or block Python until then",
+                way_out="let the function itself start a process if it may crash or block Python",
             )
 
 

@@ -67,6 +67,8 @@ class Lowered:
 
 def lower(typed: Typed, unit: Unit = ONE) -> str:
     """Return the Python text of a condition or value that has a type; numbers come in the given unit."""
+    if type(typed.node) is Name and _unit(typed) is unit:  # as most preconditions are
+        return f'value("{typed.node.name}")'
     return _lower(typed, unit).term().text
 
 

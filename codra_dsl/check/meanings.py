@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from codra_dsl.check.conditions import Site
+from codra_dsl.check.fixes import member as member_fix
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import USERS, Faults, Scope
 from codra_dsl.check.types import Problem
 from codra_dsl.diagnostics import Diagnostic, Place, Related, suggest
+from codra_dsl.expression import Text
 from codra_dsl.model import Access, Algorithm, Hysteresis, Identification, Kind, Members, Usage, ValueType, Variable
 
 
@@ -16,7 +18,7 @@ def conditions(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """Every condition is one, compares what can be compared, and gives what its variable takes."""
     for judgement in scope.judgements.values():
         for problem in judgement.problems:
-            yield _of_condition(judgement.site, problem)
+            yield _of_condition(scope, judgement.site, problem)
 
 
 def whole_ranges(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
@@ -37,7 +39,7 @@ def forms_of_identification(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
             if variable is None or scope.context_types[variable.name] is None:
                 continue
             if isinstance(entry.by, Members):
-                yield from _of_members(algorithm, entry, entry.by, variable)
+                yield from _of_members(scope, algorithm, entry, entry.by, variable)
             if isinstance(entry.by, Hysteresis) and variable.type.kind is not Kind.BOOL:
                 message = f"'enter' and 'leave' give true or false, but '{variable.name}' is {_a(variable)}"
                 way_out = "state one condition" if variable.type.kind is not Kind.ENUM else "map members to conditions"
@@ -91,14 +93,20 @@ def _of_range(declared: ValueType, place: Place, section: str, name: str, key: s
         )
 
 
-def _of_condition(site: Site, problem: Problem) -> Diagnostic:
+def _of_condition(scope: Scope, site: Site, problem: Problem) -> Diagnostic:
     section, name = site.owner
     message = f"{problem.message} ('{site.role}' of {USERS[section]} '{name}')"
     place = site.condition.place_of(problem.node)
-    return finding(problem.rule, message, place, path=site.path, way_out=problem.way_out)
+    fix = None
+    if problem.meant is not None and isinstance(problem.node, Text):
+        letters = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
+        fix = member_fix(problem.node.value, problem.meant, problem.candidates, letters, scope.mentioned)
+    return finding(problem.rule, message, place, path=site.path, way_out=problem.way_out, fix=fix)
 
 
-def _of_members(algorithm: Algorithm, entry: Identification, by: Members, variable: Variable) -> Iterator[Diagnostic]:
+def _of_members(
+    scope: Scope, algorithm: Algorithm, entry: Identification, by: Members, variable: Variable
+) -> Iterator[Diagnostic]:
     if variable.type.kind is not Kind.ENUM:
         message = f"a mapping gives an enum its members, but '{variable.name}' is {_a(variable)}"
         yield _wrong_form(algorithm, by.place, message, "state one condition", variable)
@@ -113,6 +121,9 @@ def _of_members(algorithm: Algorithm, entry: Identification, by: Members, variab
                 member.place,
                 path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
                 way_out=f"did you mean '{near}'?" if near else f"values are {listed}",
+                fix=member_fix(member.name, near, variable.type.values, member.place, scope.mentioned)
+                if near
+                else None,
             )
 
 

@@ -13,12 +13,15 @@ from codra_dsl.check.cycles import GRAPH, feedback
 from codra_dsl.check.effects import EFFECTS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.meanings import TYPES
+from codra_dsl.check.meant import read_as_meant
+from codra_dsl.check.members import members_to_blame
 from codra_dsl.check.names import NAMES
-from codra_dsl.check.quality import QUALITY, decisions
+from codra_dsl.check.quality import QUALITY
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.check.sources import SOURCES
 from codra_dsl.check.types import Type
-from codra_dsl.diagnostics import Diagnostic, Severity, has_errors, in_file_order, once_per_template
+from codra_dsl.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
+from codra_dsl.expression import Name
 from codra_dsl.model import Algorithm, Condition, Identification, Members, Spec
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
@@ -28,21 +31,36 @@ PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY, E
 
 
 def check(spec: Spec) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
-    """Return a spec that can be planned, unless it has an error, and all findings about it in file order.
+    """Return a spec that can be planned, unless it has a binding error, and all findings about it in file order.
 
     Keys that `load` found damaged are neither judged nor held against others; a spec that has some is never returned,
-    though what they are about may be all that is wrong with it.
+    though what they are about may be all that is wrong with it. Names that are misspelt are read as they are meant.
     """
     scope = Scope(spec)
     faults = Faults()
     findings: list[Diagnostic] = []
     for phase in PHASES:
         found = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
+        if any(diagnostic.rule.name == "unknown-member" for diagnostic in found):
+            scope, found = _with_members_as_meant(scope, faults, phase, found)
         findings += found
         faults = Faults(faults.elements | _elements(found), scope.meant)
+        if scope.meant_names:
+            scope = Scope(read_as_meant(scope.spec, scope.meant_names))
     found_in_order = in_file_order(once_per_template(findings))
     damaged = any(spec.damaged.values())
-    return (None if damaged or has_errors(findings) else _checked(scope)), found_in_order
+    return (None if damaged or has_binding_errors(findings) else _checked(scope)), found_in_order
+
+
+def _with_members_as_meant(
+    scope: Scope, faults: Faults, phase: Sequence[Rule], found: list[Diagnostic]
+) -> tuple[Scope, list[Diagnostic]]:
+    """Return what a phase finds once members that are wrong where they are declared are reported there, and mended."""
+    blamed = list(members_to_blame(scope))
+    if not blamed:
+        return scope, found
+    mended = Scope(read_as_meant(scope.spec, scope.meant_names))
+    return mended, blamed + [diagnostic for rule in phase for diagnostic in rule(mended, faults)]
 
 
 def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
@@ -62,7 +80,7 @@ def _checked(scope: Scope) -> CheckedSpec:
         variables=scope.variables,
         algorithms=algorithms,
         producers=scope.producers,
-        decisions=decisions(scope),
+        decisions=scope.decisions,
     )
 
 
@@ -83,10 +101,14 @@ def _checked_condition(scope: Scope, condition: Condition, wanted: Type | None =
     judgement = scope.judgements[id(condition)]
     return CheckedCondition(
         text=condition.text,
-        python=judgement.python(wanted),
-        variables=tuple(sorted({name.name for name in judgement.site.names})),
+        python=scope.python(condition, wanted),
+        variables=_sorted_names(judgement.site.names),
         place=condition.place,
     )
+
+
+def _sorted_names(names: tuple[Name, ...]) -> tuple[str, ...]:
+    return (names[0].name,) if len(names) == 1 else tuple(sorted({name.name for name in names}))
 
 
 def _checked_identification(scope: Scope, entry: Identification) -> CheckedCondition:

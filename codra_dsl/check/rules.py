@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from codra_dsl.diagnostics import Diagnostic, Place, Related, Severity, rules
+from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, Severity, rules
 
 _ERROR, _WARNING = Severity.ERROR, Severity.WARNING
 
@@ -40,6 +40,19 @@ RULES = rules(
     ("CDR5102", "never-runs", _ERROR),
     ("CDR7101", "unnoticed-precondition", _ERROR),
     ("CDR7102", "unreached-variable", _WARNING),
+    ("CDR7103", "decision-without-observer", _WARNING),
+    ("CDR7104", "unwatched-monitor", _WARNING),
+    ("CDR7105", "never-holds", _WARNING),
+    ("CDR7106", "always-holds", _WARNING),
+    ("CDR7107", "excluded-preview", _WARNING),
+    ("CDR7108", "stale-before-renewed", _WARNING),
+    ("CDR7109", "oversubscribed-slot", _WARNING),
+    ("CDR7110", "unreached-observer", _WARNING),
+    ("CDR7111", "unused-resource", _WARNING),
+    ("CDR7112", "unused-agent", _WARNING),
+    ("CDR7113", "unused-template", _WARNING),
+    ("CDR7114", "shadowed-name", _WARNING),
+    ("CDR7115", "same-label", _WARNING),
     ("CDR8101", "not-yet-confirmed", _WARNING),
     ("CDR8102", "not-yet-between", _WARNING),
     ("CDR8103", "not-yet-expected", _WARNING),
@@ -50,7 +63,14 @@ RULES = rules(
 
 
 def finding(
-    rule: str, message: str, place: Place, *, path: str, way_out: str, related: tuple[Related, ...] = ()
+    rule: str,
+    message: str,
+    place: Place,
+    *,
+    path: str,
+    way_out: str,
+    related: tuple[Related, ...] = (),
+    fix: Fix | None = None,
 ) -> Diagnostic:
     """Return a finding of the named rule; `path` starts with the section and the name of the element."""
-    return Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=way_out, related=related)
+    return Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=way_out, related=related, fix=fix)

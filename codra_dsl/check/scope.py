@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl import graph
-from codra_dsl.check.conditions import Judgement, Role, Site, judge, sites
+from codra_dsl.check.conditions import Judgement, Role, Site, judge, parts_of, sites
+from codra_dsl.check.meant import Meant
 from codra_dsl.check.types import Type, Types, declared_type
 from codra_dsl.diagnostics import suggest
+from codra_dsl.expression import Name, Text, walk
+from codra_dsl.load.misspelt import Vocabulary
+from codra_dsl.load.names import is_identifier
 from codra_dsl.model import (
     Agent,
     Algorithm,
     AnyName,
     Condition,
+    Members,
     ObserverSetting,
     Reference,
     Resource,
@@ -103,10 +108,17 @@ class Group:
 
 @dataclass(frozen=True)
 class Scope:
-    """A spec with its names and conditions in tables. Each table is made when it is first asked for."""
+    """A spec with its names and conditions in tables. Each table is made when it is first asked for.
+
+    Attributes:
+        meant_names: what misspelt names mean, as it is found out.
+    """
 
     spec: Spec
+    meant_names: Meant = field(default_factory=Meant, compare=False)
+    _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
     _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
+    _lowered: dict[tuple[int, int], str] = field(default_factory=dict, compare=False)
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
@@ -182,8 +194,10 @@ class Scope:
 
     def names(self, section: str) -> frozenset[str]:
         """Return the names of a section's elements, and those of elements that could not be read."""
-        unread = self.spec.damaged.get(section, frozenset())
-        return self._sections[section].union(name for name in unread if name.isidentifier())
+        if section not in self._names:
+            unread = self.spec.damaged.get(section, frozenset())
+            self._names[section] = self._sections[section].union(name for name in unread if name.isidentifier())
+        return self._names[section]
 
     def declares(self, section: str, name: str) -> bool:
         """Return whether a section has such an element, be it damaged."""
@@ -199,6 +213,35 @@ class Scope:
         if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
             return True
         return any(not self.readable(section, name, *keys) for name in unread)
+
+    def nameless(self, section: str) -> int:
+        """Return how many elements of a section have names that no element can have, so that nobody knows them."""
+        return sum(1 for name in self.spec.damaged.get(section, ()) if not is_identifier(name))
+
+    @cached_property
+    def strangers(self) -> frozenset[str]:
+        """The names that algorithms identify or need, and skills and observers name, though nothing declares them."""
+        named = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
+        named += [reference for algorithm in self.spec.perception for reference in algorithm.given]
+        named += [reference for setting in self.spec.observers for reference in setting.identifies]
+        found = {reference.name for reference in named}
+        found.update(name for skill in self.spec.skills for name in watched_by(skill))
+        found.update(name for names in self.needs.values() for name in names)
+        return frozenset(name for name in found if not self.declares("context", name))
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """The words of all that the spec declares, and of its texts."""
+        return Vocabulary(_texts(self.spec))
+
+    @cached_property
+    def used_values(self) -> Mapping[str, frozenset[str]]:
+        """For each algorithm the names in all conditions over what it returns."""
+        found: dict[str, set[str]] = {name: set() for name in self.algorithms}
+        for site in self.sites:
+            if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
+                found[site.owner[1]].update(name.name for name in site.names)
+        return {name: frozenset(names) for name, names in found.items()}
 
     def other_kind(self, name: str, wanted: str) -> str | None:
         """Return what a name is, if it is something else than an element of the section `wanted`."""
@@ -216,22 +259,30 @@ class Scope:
         """The type of each context-variable; None where its declaration is wrong."""
         unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
         return unread | {
-            name: declared_type(variable.type) if self.readable("context", name, *TYPE_KEYS) else None
+            name: declared_type(variable.type, variable.valid_for_s)
+            if self.readable("context", name, *TYPE_KEYS)
+            else None
             for name, variable in self.variables.items()
         }
 
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:
         """For each algorithm, the type of each value that it returns; None where its declaration is wrong."""
-        return {
-            name: {
+        found: dict[str, Types] = {}
+        alike: dict[
+            tuple[object, ...], Types
+        ] = {}  # so that what is judged over the same types can be told by identity
+        for name, algorithm in self.algorithms.items():
+            types = {
                 each.name: declared_type(each.type)
                 if self.readable("perception", name, "returns", f"returns.{each.name}")
                 else None
                 for each in algorithm.returns
             }
-            for name, algorithm in self.algorithms.items()
-        }
+            found[name] = alike.setdefault(
+                tuple((returned, id(declared)) for returned, declared in types.items()), types
+            )
+        return found
 
     @cached_property
     def sites(self) -> tuple[Site, ...]:
@@ -250,9 +301,104 @@ class Scope:
         return {name: tuple(dict.fromkeys(names)) for name, names in found.items()}
 
     @cached_property
+    def trees(self) -> Mapping[str, tuple[str, ...]]:
+        """For each variable that has algorithms: what is in force when it is, as its tree identifies or needs it."""
+        found: dict[str, tuple[str, ...]] = {}
+        for group in self.groups:
+            needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
+            found |= dict.fromkeys(group.variables, (*group.variables, *needs))
+        for setting in self.spec.observers:
+            joined = tuple(reference.name for reference in setting.identifies)
+            found |= {name: (*found[name], *joined) for name in joined if name in found}
+        return found
+
+    @cached_property
+    def decisions(self) -> tuple[str, ...]:
+        """The variables that decisions are based on, where Algorithm 2 starts (P1, its line 3)."""
+        if not self.spec.skills:
+            return tuple(name for name in self.variables if name in self.producers)
+        named = (name for skill in self.spec.skills for name in watched_by(skill))
+        return tuple(name for name in dict.fromkeys(named) if name in self.variables)
+
+    @cached_property
+    def reached(self) -> frozenset[str]:
+        """The variables in force when all decisions are declared; to be asked when all names have been looked at."""
+        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.meant))))
+
+    @property
+    def judges_reach(self) -> bool:
+        """Whether it can be said what no skill needs: some skill is declared, and no key that says more is damaged."""
+        lost = self.lost("skills", "preview", "monitor") or self.lost("perception", *NEED_KEYS, "identifies")
+        lost = lost or self.lost("observers", "identifies") or bool(self.strangers)
+        return bool(self.spec.skills) and not lost
+
+    @cached_property
+    def unreached_settings(self) -> tuple[ObserverSetting, ...]:
+        """The entries under `observers` none of whose variables is reached."""
+        return tuple(
+            setting
+            for setting in self.spec.observers
+            if self.judges_reach
+            and setting.identifies
+            and all(each.name in self.variables and each.name not in self.reached for each in setting.identifies)
+        )
+
+    @cached_property
+    def mentioned(self) -> frozenset[str]:
+        """Every name and every quoted text that something refers to: what is declared so is hardly misspelt there."""
+        found = {source.name for variable in self.spec.context for source in variable.sources}
+        for algorithm in self.spec.perception:
+            found.update(usage.resource.name for usage in algorithm.uses)
+            found.update(reference.name for reference in algorithm.given)
+            found.update(entry.variable.name for entry in algorithm.identifies)
+            cases = (entry.by.cases for entry in algorithm.identifies if isinstance(entry.by, Members))
+            found.update(member.name for several in cases for member, _ in several)
+        for skill in self.spec.skills:
+            found.update(name for name in watched_by(skill))
+            found.update(reference.name for reference in skill.changes)
+        for observer in self.spec.observers:
+            found.update(reference.name for reference in observer.identifies)
+        for tree in (site.condition.tree for site in self.sites):
+            parts = walk(tree) if tree is not None else ()
+            found.update(
+                part.name if isinstance(part, Name) else part.value for part in parts if isinstance(part, Name | Text)
+            )
+        return frozenset(found)
+
+    @cached_property
     def judgements(self) -> Mapping[int, Judgement]:
         """What each condition is, by the identity of the condition."""
-        return {id(site.condition): self._judge(site) for site in self.sites}
+        judged: dict[tuple[object, ...], Judgement] = {}
+        return {id(site.condition): self._judge(site, judged) for site in self.sites}
+
+    def shape_over_results(self, algorithm: Algorithm, faults: Faults) -> object:
+        """Return what an algorithm makes of its result, but for names and places: equal for those that do the same.
+
+        Trees and types are told by identity: conditions that read alike share their trees, and what is declared alike
+        shares its type.
+        """
+        accepted = tuple([id(condition.tree) for condition in algorithm.accept_when])
+        identified = tuple(
+            [
+                (
+                    type(entry.by),
+                    id(self.context_types.get(entry.variable.name)),
+                    entry.variable.name in self.variables and faults.sound("context", entry.variable.name),
+                    *[id(condition.tree) for condition in parts_of(entry)],
+                )
+                for entry in algorithm.identifies
+            ]
+        )
+        optional = tuple([each.optional for each in algorithm.returns])
+        return id(self.returned_types[algorithm.name]), accepted, identified, optional
+
+    def python(self, condition: Condition, wanted: Type | None) -> str:
+        """Return a sound condition as Python text, a number in the unit of what it is given to."""
+        judgement = self.judgements[id(condition)]
+        key = (id(judgement.typed), id(wanted))  # conditions that are judged alike share what they are
+        if key not in self._lowered:
+            self._lowered[key] = judgement.python(wanted)
+        return self._lowered[key]
 
     def judgement(self, condition: Condition) -> Judgement | None:
         """Return what a condition is, or None if it could not be read."""
@@ -272,8 +418,10 @@ class Scope:
         entries = (entry for algorithm in ranked for entry in algorithm.identifies)
         return Group(ranked, tuple(dict.fromkeys(entry.variable.name for entry in entries)))
 
-    def _judge(self, site: Site) -> Judgement:
-        assert site.condition.tree is not None
+    def _judge(self, site: Site, judged: dict[tuple[object, ...], Judgement]) -> Judgement:
+        """Return what a condition is; `judged` keeps those that are sound for others with the same tree and types."""
+        tree = site.condition.tree
+        assert tree is not None
         wanted = self.wanted(site)
         if site.role is Role.OBSERVABLE_WHEN:
             seen = self.context_types
@@ -281,7 +429,21 @@ class Scope:
             seen = {site.variable: wanted}
         else:
             seen = self.returned_types[site.owner[1]]
-        return judge(site, site.condition.tree, seen, wanted)
+        types = (id(seen.get(name.name)) for name in site.names)
+        key = (id(tree), site.role, site.result, id(wanted), *types)
+        sound = judged.get(key)
+        if sound is not None:
+            return Judgement(site, sound.typed, ())
+        judgement = judge(site, tree, seen, wanted)
+        if not judgement.problems:
+            judged[key] = judgement
+        return judgement
+
+
+def watched_by(skill: Skill) -> Iterator[str]:
+    """Yield the variables that a skill previews, then those that it monitors."""
+    yield from (reference.name for reference in skill.preview)
+    yield from (expectation.variable.name for expectation in skill.monitor)
 
 
 def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
@@ -290,3 +452,17 @@ def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
     for element in elements:
         found.setdefault(element.name, element)
     return found
+
+
+def _texts(spec: Spec) -> Iterator[str]:
+    for variable in spec.context:
+        yield from (variable.name, variable.label, variable.description, *variable.type.values)
+    for algorithm in spec.perception:
+        yield from (algorithm.name, algorithm.call, *(name for name, _ in algorithm.parameters))
+        yield from (text for _, text in algorithm.parameters if isinstance(text, str))
+        for returned in algorithm.returns:
+            yield from (returned.name, *returned.type.values)
+    yield from (skill.name for skill in spec.skills)
+    yield from (setting.name for setting in spec.observers)
+    yield from (resource.name for resource in spec.resources)
+    yield from (agent.name for agent in spec.agents)

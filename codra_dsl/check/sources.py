@@ -14,8 +14,14 @@ def unidentified_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]
     """A variable is identified by an algorithm or says who else writes it."""
     if scope.lost("perception", "identifies"):
         return
+    nobodys = [
+        name for name, variable in scope.variables.items() if name not in scope.producers and not variable.sources
+    ]
+    strange = [name for name in scope.producers if not scope.declares("context", name)]
     for variable in scope.variables.values():
         name = variable.name
+        if name in nobodys and len(nobodys) <= len(strange):  # then an unknown name may be meant for it
+            continue
         observed = [source for source in variable.sources if source.name == OBSERVER]
         others = len(variable.sources) - len(observed)
         if (

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -27,7 +28,7 @@ from codra_dsl.expression import (
     Truth,
     to_text,
 )
-from codra_dsl.model import Kind, ValueType
+from codra_dsl.model import FOREVER_S, Kind, ValueType
 from codra_dsl.units import ONE, UNITS, Unit, parse_unit
 
 NUMERIC = frozenset({Kind.INT, Kind.FLOAT})
@@ -45,6 +46,8 @@ class Type:
         values: the members of an enum.
         fixed: made of literals alone: a text then fits an enum that has it as member.
         zero: the literal 0, which needs no unit.
+        range: of a name: both ends inclusive, in `unit`; None where it is not stated.
+        valid_for_s: of a context-variable: how old its evidence can be while it is known.
     """
 
     kind: Kind
@@ -52,6 +55,8 @@ class Type:
     values: tuple[str, ...] = ()
     fixed: bool = False
     zero: bool = False
+    range: tuple[float, float] | None = field(default=None, compare=False)
+    valid_for_s: float = field(default=FOREVER_S, compare=False)
 
     @property
     def numeric(self) -> bool:
@@ -82,22 +87,45 @@ class Typed:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Why a part of a condition makes no sense; `rule` names a rule of `check`."""
+    """Why a part of a condition makes no sense; `rule` names a rule of `check`.
+
+    Attributes:
+        meant: of a quoted text that is no member, the one of the `candidates` that is probably meant.
+    """
 
     rule: str
     node: Node
     message: str
     way_out: str
+    meant: str | None = None
+    candidates: tuple[str, ...] = ()
 
 
-def declared_type(declared: ValueType) -> Type | None:
-    """Return the type that a declaration states, or None if it states none."""
-    unit = ONE if declared.unit is None else parse_unit(declared.unit)
-    if unit is None or (declared.kind is Kind.ENUM and not declared.values):
+def declared_type(declared: ValueType, valid_for_s: float = FOREVER_S) -> Type | None:
+    """Return the type that a declaration states, or None if it states none; what is declared alike has one type."""
+    low, high = declared.range if declared.range is not None else (None, None)  # apart: 0 and 0.0 are two ranges
+    return _declared_type(
+        kind=declared.kind, unit_text=declared.unit, low=low, high=high, values=declared.values, valid_for_s=valid_for_s
+    )
+
+
+@lru_cache(maxsize=4096, typed=True)
+def _declared_type(
+    *,
+    kind: Kind,
+    unit_text: str | None,
+    low: float | None,
+    high: float | None,
+    values: tuple[str, ...],
+    valid_for_s: float,
+) -> Type | None:
+    unit = ONE if unit_text is None else parse_unit(unit_text)
+    if unit is None or (kind is Kind.ENUM and not values):
         return None
-    if declared.kind not in NUMERIC:
-        unit = ONE
-    return Type(declared.kind, unit, declared.values if declared.kind is Kind.ENUM else ())
+    if kind not in NUMERIC:
+        return Type(kind, values=values if kind is Kind.ENUM else (), valid_for_s=valid_for_s)
+    bounds = None if low is None or high is None else (low, high)
+    return Type(kind, unit, range=bounds, valid_for_s=valid_for_s)
 
 
 def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
@@ -187,7 +215,8 @@ class _Inference:
             near = suggest(value.node.value, wanted.values)
             listed = ", ".join(f'"{member}"' for member in wanted.values[:10])
             way_out = f'did you mean "{near}"?' if near else f"members are {listed}"
-            self._report("unknown-member", value, f'"{value.node.value}" is none of the values of {owner}', way_out)
+            message = f'"{value.node.value}" is none of the values of {owner}'
+            self.problems.append(Problem("unknown-member", value.node, message, way_out, near, wanted.values))
 
     def _report(self, rule: str, at: Typed, message: str, way_out: str) -> None:
         self.problems.append(Problem(rule, at.node, message, way_out))

@@ -16,9 +16,15 @@ import typer
 from codra_dsl import __version__
 from codra_dsl.cli.compile import compile_command
 from codra_dsl.cli.console import ExitCode, say
+from codra_dsl.cli.diff import diff_command
+from codra_dsl.cli.explain import explain_command
 from codra_dsl.cli.graph import graph_command
+from codra_dsl.cli.init import init_command
+from codra_dsl.cli.journal import journal_commands
 from codra_dsl.cli.lint import lint_command
+from codra_dsl.cli.replay import replay_command
 from codra_dsl.cli.run import run_command
+from codra_dsl.cli.why import why_command
 
 app = typer.Typer(
     name="codra",
@@ -31,8 +37,14 @@ app = typer.Typer(
 )
 app.command("compile")(compile_command)
 app.command("lint")(lint_command)
+app.command("explain")(explain_command)
 app.command("graph")(graph_command)
 app.command("run")(run_command)
+app.command("diff")(diff_command)
+app.command("init")(init_command)
+app.command("why")(why_command)
+app.command("replay")(replay_command)
+app.add_typer(journal_commands, name="journal")
 
 
 def _print_version(wanted: bool) -> None:
@@ -71,10 +83,20 @@ def _run() -> int:
     except BrokenPipeError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever went wrong, a person gets a sentence
+        if isinstance(error, FileNotFoundError) and not _is_somewhere():
+            say("codra: the current folder is no longer there: change to another one")
+            return ExitCode.USAGE
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL
     return ExitCode.CLEAN
+
+
+def _is_somewhere() -> bool:
+    try:
+        return Path.cwd().exists()
+    except FileNotFoundError:
+        return False
 
 
 def _last_place(error: Exception) -> str:

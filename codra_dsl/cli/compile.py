@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,20 +11,26 @@ import typer
 from codra_dsl.cli.console import (
     Colour,
     ExitCode,
-    FailOn,
     Format,
     View,
+    asked_format,
     common_root,
     counted,
     existing,
+    failing,
     fails,
+    for_log,
+    measuring,
     say,
     write_result,
 )
-from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, Specs
+from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
 
 if TYPE_CHECKING:
+    from codra_dsl.cache import Cache, Run
     from codra_dsl.compiler import Compilation
+    from codra_dsl.diagnostics import Diagnostic
+    from codra_dsl.timings import Timings
 
 Out = Annotated[
     Path | None,
@@ -43,25 +49,39 @@ def compile_command(
     *,
     out: Out = None,
     check: Check = False,
-    format_: FindingsFormat = Format.FULL,
-    fail_on: FailOnOption = FailOn.ERROR,
+    format_: FindingsFormat = None,
+    output: Output = None,
+    fail_on: FailOnOption = None,
+    no_cache: NoCache = False,
+    timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Compile specs to packages of readable Python: observers, the context's types, and the dependency graph."""
-    from codra_dsl.compiler import compile_paths
+    from codra_dsl.cache import cache_of
+    from codra_dsl.report.findings import visible_lines
 
     existing(paths)
     root = common_root(paths)
-    view = View(root=root, format=format_, colour=color)
-    compilation = compile_paths(paths, root)
-    found = compilation.planned.diagnostics
-    write_result(view.rendered(found, sys.stdout))
+    folder = (out if out is not None else _default_out(paths[0])).absolute()
+    measured = measuring(timings)
+    cache = None if no_cache or timings else cache_of(root, "compile", paths)
+    run, renewed = _made(paths, root, folder, check=check, cache=cache, timings=measured)
+    limit = failing(fail_on, run.fail_on)
+    view = View(root=root, format=asked_format(format_, output), colour=color, fail_on=limit, title="codra compile")
+    about_output = (_in_root(found, folder, root) for found in renewed.diagnostics)
+    found = (*run.diagnostics, *about_output, *_about_schema(run, root, check))
+    with measured.stage("show"):
+        view.show(found, run.specs, output)
+    if view.format is Format.FULL:
+        write_result(for_log(visible_lines(renewed.diff)))
     if found:
         say(counted(found))
-    folder = (out if out is not None else _default_out(paths[0])).absolute()
-    renew = _check if check else _write
-    renewed = bool(compilation.files) and renew(compilation, folder, view)
-    raise typer.Exit(ExitCode.CLEAN if renewed and not fails(found, fail_on) else ExitCode.FAILED)
+        view.point_to_pages(found)
+    if renewed.done:
+        say(renewed.done)
+    if timings:
+        say(measured.table())
+    raise typer.Exit(ExitCode.FAILED if not run.outputs or fails(found, limit) else ExitCode.CLEAN)
 
 
 def _default_out(path: Path) -> Path:
@@ -70,28 +90,82 @@ def _default_out(path: Path) -> Path:
     return (project_of(path) or Path.cwd()) / "generated"
 
 
-def _check(compilation: Compilation, folder: Path, view: View) -> bool:
-    """Show how the output folder differs; return whether it is fresh."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Renewed:
+    """What became of the output folder.
+
+    Attributes:
+        diff: how it differs from what the specs say.
+        done: what was done to it, in a sentence.
+    """
+
+    diagnostics: tuple[Diagnostic, ...] = ()
+    diff: str = ""
+    done: str = ""
+
+
+def _made(
+    paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
+) -> tuple[Run, _Renewed]:
+    """Return a run and what became of the output; an earlier run if nothing has changed since, output included."""
+    from codra_dsl.output import is_as_made
+
+    run = None if cache is None else cache.recall()
+    if run is not None and is_as_made(run.outputs, folder, run.covered):
+        return run, _Renewed(done="" if check else f"{folder.name}: {len(run.outputs)} files, 0 written, 0 removed")
+    from codra_dsl.compiler import compile_paths
+
+    compilation = compile_paths(paths, root, timings)
+    run = compilation.as_run()
+    if cache is not None:
+        cache.remember(run)
+    with timings.stage("write"):
+        return run, _renewed(compilation, folder, check)
+
+
+def _renewed(compilation: Compilation, folder: Path, check: bool) -> _Renewed:
+    if not compilation.files:
+        return _Renewed()
+    return _compared(compilation, folder) if check else _written(compilation, folder)
+
+
+def _compared(compilation: Compilation, folder: Path) -> _Renewed:
+    """Return how the output folder differs; nothing is written."""
     from codra_dsl.output import freshness, stale
 
     compared = freshness(compilation.files, folder, compilation.covered)
-    write_result(view.rendered(compared.diagnostics, sys.stdout))
-    if view.format is Format.JSON:
-        write_result(view.rendered([stale(drift) for drift in compared.drifts], sys.stdout))
-    else:
-        write_result("".join(drift.diff for drift in compared.drifts))
-    for drift in compared.drifts:
-        say(f"{drift.path}: {drift.change.value}")
-    return not compared.drifts and not compared.diagnostics
+    found = (*compared.diagnostics, *map(stale, compared.drifts))
+    return _Renewed(diagnostics=found, diff="".join(drift.diff for drift in compared.drifts))
 
 
-def _write(compilation: Compilation, folder: Path, view: View) -> bool:
-    """Bring the output folder up to date; return whether that was possible."""
+def _written(compilation: Compilation, folder: Path) -> _Renewed:
+    """Bring the output folder up to date."""
     from codra_dsl.output import write
 
     written = write(compilation.files, folder, compilation.covered)
-    write_result(view.rendered(written.diagnostics, sys.stdout))
-    if not written.diagnostics:
-        changes = f"{len(written.changed)} written, {len(written.removed)} removed"
-        say(f"{folder.name}: {len(compilation.files)} files, {changes}")
-    return not written.diagnostics
+    if written.diagnostics:
+        return _Renewed(diagnostics=written.diagnostics)
+    changes = f"{len(written.changed)} written, {len(written.removed)} removed"
+    return _Renewed(done=f"{folder.name}: {len(compilation.files)} files, {changes}")
+
+
+def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
+    """Keep the schema fresh that the project's editors read, where there is a copy of it."""
+    from codra_dsl.project import has_stale_schema
+
+    if not run.outputs or not has_stale_schema(root):
+        return ()
+    from codra_dsl.starter.freshness import judge_schema, renew_schema
+
+    return judge_schema(root) if check else renew_schema(root)
+
+
+def _in_root(found: Diagnostic, folder: Path, root: Path) -> Diagnostic:
+    """Return a finding about the output folder, which names itself first, with its file relative to the root."""
+    from codra_dsl.diagnostics import Place
+
+    around = folder.parent
+    if around == root or not around.is_relative_to(root):
+        return found
+    span = replace(found.place.span, file=f"{around.relative_to(root).as_posix()}/{found.place.span.file}")
+    return replace(found, place=Place(span))

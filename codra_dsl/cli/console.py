@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, TextIO
 import typer
 
 if TYPE_CHECKING:
-    from codra_dsl.diagnostics import Diagnostic
+    from codra_dsl.diagnostics import Diagnostic, Severity
+    from codra_dsl.timings import Timings
 
 
 class ExitCode(IntEnum):
@@ -32,6 +33,9 @@ class Format(StrEnum):
     FULL = "full"
     CONCISE = "concise"
     JSON = "json"
+    SARIF = "sarif"
+    GITHUB = "github"
+    JUNIT = "junit"
 
 
 class Colour(StrEnum):
@@ -60,31 +64,130 @@ class View:
     Attributes:
         root: the folder that their files are relative to.
         text: of the spec that came by standard input.
+        fail_on: what counts as a failure in a report of tests.
+        title: the command whose findings they are.
     """
 
     root: Path
     format: Format
     colour: Colour
     text: str | None = None
+    fail_on: FailOn = FailOn.ERROR
+    title: str = "codra"
 
-    def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
+    def show(self, diagnostics: Sequence[Diagnostic], files: Iterable[str] = (), output: Path | None = None) -> None:
+        """Write all findings of a command to standard output or a file; on GitHub, to the step's summary as well.
+
+        Args:
+            diagnostics: in file order.
+            files: that were examined, whether or not there are findings about them.
+            output: the file that was asked for.
+        """
+        write_result(self.rendered(diagnostics, sys.stdout, files), output)
+        if self.format is Format.GITHUB:
+            from codra_dsl.report.github import render_summary
+
+            append_to_summary(render_summary(diagnostics, f"{self.title}: {counted(diagnostics)}"))
+
+    def rendered(self, diagnostics: Sequence[Diagnostic], stream: TextIO, files: Iterable[str] = ()) -> str:
         """Return findings in the form that was asked for, for a stream."""
+        match self.format:
+            case Format.JSON:
+                from codra_dsl.report.findings import render_json
+
+                return render_json(diagnostics)
+            case Format.SARIF:
+                from codra_dsl.report.sarif import render_sarif
+
+                return render_sarif(diagnostics, folder_in_repository(self.root))
+            case Format.GITHUB:
+                from codra_dsl.report.github import render_github
+
+                return render_github(diagnostics, folder_in_repository(self.root))
+            case Format.JUNIT:
+                return self._as_tests(diagnostics, files)
+            case _:
+                return self._as_text(diagnostics, stream)
+
+    def point_to_pages(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Say once where more is told about a finding, the first of the most severe, to whoever sits at a terminal."""
+        from codra_dsl.diagnostics import has_errors
+
+        if diagnostics and self.format is Format.FULL and sys.stderr.isatty():
+            first = next((found for found in diagnostics if has_errors([found])), diagnostics[0])
+            say(f"more about it: codra explain {first.code}")
+
+    def _as_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
         from codra_dsl.report import findings
 
-        if self.format is Format.JSON:
-            return findings.render_json(diagnostics)
         palette = findings.COLOURED if is_coloured(self.colour, stream) else findings.PLAIN
         if self.format is Format.CONCISE:
-            return findings.render_concise(diagnostics, palette)
-        return findings.render_full(diagnostics, self._source, palette)
+            return for_log(findings.render_concise(diagnostics, palette))
+        return for_log(findings.render_full(diagnostics, self._source, palette))
+
+    def _as_tests(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
+        from codra_dsl.report.junit import render_junit
+
+        return render_junit(
+            diagnostics,
+            files,
+            self._source,
+            is_failure=lambda found: fails([found], self.fail_on),
+            suite=self.title.replace(" ", "."),
+        )
 
     def _source(self, file: str) -> str | None:
         if file == STANDARD_INPUT:
             return self.text
+        path = self.root / file
         try:
-            return (self.root / file).read_text("utf-8", errors="replace")
+            return path.read_text("utf-8", errors="replace") if path.is_file() else None
         except OSError:
             return None
+
+
+def asked_format(wanted: Format | None, output: Path | None = None) -> Format:
+    """Return the form of findings that was asked for; else annotations, where they go to the log of GitHub Actions."""
+    if wanted is not None:
+        return wanted
+    return Format.GITHUB if output is None and _in_github_actions() else Format.FULL
+
+
+def for_log(text: str) -> str:
+    """Return text in which GitHub's runner, if it reads this, finds no command of its own."""
+    if not _in_github_actions():
+        return text
+    from codra_dsl.report.github import without_commands
+
+    return without_commands(text)
+
+
+def _in_github_actions() -> bool:
+    return os.environ.get("GITHUB_ACTIONS") == "true"
+
+
+def folder_in_repository(root: Path) -> str:
+    """Return where a root is in the repository that GitHub checked out; empty for the repository's own folder."""
+    workspace = os.environ.get("GITHUB_WORKSPACE")
+    if not workspace:
+        return ""
+    try:
+        folder = root.resolve().relative_to(Path(workspace).resolve()).as_posix()
+    except (OSError, ValueError):
+        return ""
+    return "" if folder == "." else folder
+
+
+def append_to_summary(text: str) -> None:
+    """Add Markdown to the summary of the step of GitHub Actions that runs us; a summary is no reason to fail."""
+    path = os.environ.get("GITHUB_STEP_SUMMARY")
+    if not path or not text:
+        return
+    try:
+        with Path(path).open("a", encoding="utf-8") as summary:
+            summary.write(text)
+    except OSError as error:
+        say(f"codra: cannot write the summary of the step: {error.strerror}")
 
 
 def is_coloured(colour: Colour, stream: TextIO) -> bool:
@@ -99,6 +202,20 @@ def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     from codra_dsl.diagnostics import has_errors
 
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
+
+
+def failing(wanted: FailOn | None, settings: Severity) -> FailOn:
+    """Return the least severity that fails a command: what was asked for, else what the project's settings say."""
+    return FailOn(settings.value) if wanted is None else wanted
+
+
+def measuring(wanted: bool) -> Timings:
+    """Return what measures the stages of a command, if that is wanted."""
+    import time
+
+    from codra_dsl.timings import UNTIMED, Timings
+
+    return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  it is handed on as an argument
 
 
 def counted(diagnostics: Sequence[Diagnostic]) -> str:
@@ -117,32 +234,39 @@ def say(text: str) -> None:
     print(text, file=sys.stderr)
 
 
-def write_result(text: str, output: Path | None = None) -> None:
-    """Write a result to standard output, or to the file that was asked for."""
-    if output is None:
-        # In pieces: with PYTHONUNBUFFERED a single write to a reader that has gone would be cut off without an error.
-        try:
-            for start in range(0, len(text), _PIECE):
-                sys.stdout.write(text[start : start + _PIECE])
-            sys.stdout.flush()
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
-            print(f"codra: cannot write to standard output: {error.strerror}", file=sys.stderr)
-            raise typer.Exit(ExitCode.FAILED) from error
-        return
+def write_result(result: str | bytes, output: Path | None = None) -> None:
+    """Write a result to standard output, or to the file that was asked for; bytes are written as they are."""
+    encoding = sys.stdout.encoding if output is None else "utf-8"
+    data = result.encode(encoding, errors="backslashreplace") if isinstance(result, str) else result
     try:
-        output.write_text(text, "utf-8", errors="backslashreplace")
+        if output is not None:
+            output.write_bytes(data)
+            return
+        sys.stdout.flush()
+        # In pieces: with PYTHONUNBUFFERED a single write to a reader that has gone would be cut off without an error.
+        for start in range(0, len(data), _PIECE):
+            sys.stdout.buffer.write(data[start : start + _PIECE])
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
     except OSError as error:
-        raise typer.BadParameter(f"cannot write '{output}': {error.strerror}", param_hint="--output") from error
+        if output is not None:
+            raise typer.BadParameter(f"cannot write '{output}': {error.strerror}", param_hint="--output") from error
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+        print(f"codra: cannot write to standard output: {error.strerror}", file=sys.stderr)
+        raise typer.Exit(ExitCode.FAILED) from error
 
 
 def existing(paths: Iterable[Path]) -> None:
-    """Refuse paths that do not exist, as a mistake of usage."""
+    """Refuse paths that do not exist or cannot be reached, as a mistake of usage."""
     for path in paths:
-        if not path.exists():
-            raise typer.BadParameter(f"'{path}' does not exist", param_hint="PATH")
+        try:
+            path.stat()
+        except FileNotFoundError as error:
+            raise typer.BadParameter(f"'{path}' does not exist", param_hint="PATH") from error
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or "no such path is possible"
+            raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
 
 
 def common_root(paths: Sequence[Path]) -> Path:

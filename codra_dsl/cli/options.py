@@ -22,9 +22,41 @@ SpecsOrText = Annotated[
         allow_dash=True,
     ),
 ]
-FindingsFormat = Annotated[Format, typer.Option("--format", help="How findings are shown.")]
-FailOnOption = Annotated[FailOn, typer.Option("--fail-on", help="The least severity that makes the command fail.")]
+FindingsFormat = Annotated[
+    Format | None,
+    typer.Option(
+        "--format",
+        help="How findings are shown.  [default: full; github where GITHUB_ACTIONS is true and there is no --output]",
+        show_default=False,
+    ),
+]
+FailOnOption = Annotated[
+    FailOn | None,
+    typer.Option(
+        "--fail-on",
+        help="The least severity that makes the command fail.  [default: fail-on in pyproject.toml, else error]",
+        show_default=False,
+    ),
+]
+NoCache = Annotated[
+    bool, typer.Option("--no-cache", help="Neither use nor keep what earlier runs came to (.codra_cache).")
+]
+ShowTimings = Annotated[
+    bool, typer.Option("--timings", help="Show on standard error how long each stage took, without the cache.")
+]
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
+
+
+def _no_spec(output: Path | None) -> Path | None:
+    """Refuse to write over a spec: its path given in the wrong place would be the end of it."""
+    if output is not None and output.suffix in (".yaml", ".yml") and output.exists():
+        raise typer.BadParameter(f"'{output}' is there and may be a spec: choose a name with another ending")
+    return output
+
+
 Output = Annotated[
-    Path | None, typer.Option("--output", metavar="FILE", help="Write the result to this file.", show_default=False)
+    Path | None,
+    typer.Option(
+        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_no_spec
+    ),
 ]

@@ -46,6 +46,10 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Where pictures and records go.  [default: runs/NAME-seed-SEED]"),
 ]
+JournalOption = Annotated[
+    Path | None,
+    typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
+]
 
 _PROGRESS_EVERY_S = 10.0
 
@@ -59,6 +63,7 @@ def run_command(
     pace: PaceOption = Pace.FAST,
     naive: Naive = False,
     out: Out = None,
+    journal: JournalOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Run a spec in a simulated world, and print what its observers held against what was true."""
@@ -72,7 +77,13 @@ def run_command(
     existing([spec])
     root = common_root([spec])
     loaded = _load(spec, root, color)
-    settings = lab.LabSettings(seed=seed, duration_s=duration_s, pace=lab.Pace(pace.value), progress=_progress())
+    settings = lab.LabSettings(
+        seed=seed,
+        duration_s=duration_s,
+        pace=lab.Pace(pace.value),
+        progress=_progress(),
+        journal=None if journal is None else _writable(journal),
+    )
     folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
     _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
@@ -134,6 +145,15 @@ def _made(folder: Path) -> Path:
     if not os.access(folder, os.W_OK | os.X_OK):
         raise typer.BadParameter(f"cannot write to '{folder}'", param_hint="--out")
     return folder
+
+
+def _writable(journal: Path) -> Path:
+    """Return the path of a journal that can be made, known before the run lest it be in vain."""
+    try:
+        journal.open("ab").close()
+    except OSError as error:
+        raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
+    return journal
 
 
 def _progress() -> Callable[[float], None]:

@@ -7,13 +7,14 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from codra_dsl.emit.layout import Brackets, Chain, Expression, Grouped, laid_out, tuple_of
+from codra_dsl.emit.layout import Brackets, Chain, Expression, Grouped, bracketed, laid_out
 from codra_dsl.emit.literals import literal
 
 WORDS = frozenset({"age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value"})
 """The functions of `codra_dsl.runtime.conditions` that conditions are made of."""
 
 _CALLABLE = WORDS | {"abs"}
+_ALONE = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
 # What most conditions look like; all others go through Python's own parser, with the same outcome.
 _SIMPLE = re.compile(
@@ -55,7 +56,7 @@ def condition(python: str) -> tuple[Expression, frozenset[str]]:
     simple = _SIMPLE.fullmatch(python)
     if simple is not None:
         word, _, name, comparison = simple.groups()
-        return f'{word}("{name}"){comparison or ""}', frozenset({word})
+        return f'{word}("{name}"){comparison or ""}', _ALONE[word]
     try:
         tree = ast.parse(python, mode="eval").body
     except SyntaxError as error:
@@ -73,7 +74,7 @@ def _expression(node: ast.expr) -> Expression:
         case ast.Call(func=ast.Attribute(value=item, attr=name), args=options, keywords=[]) if name in _METHODS:
             return _call(f"{_flat(_operand(item))}.{name}", options)
         case ast.Tuple(elts=elements):
-            return tuple_of(_expression(each) for each in elements)
+            return bracketed("(", tuple(map(_expression, elements)), ",)" if len(elements) == 1 else ")")
         case ast.UnaryOp(op=ast.Invert(), operand=operand):
             return _prefixed("~", _operand(operand))
         case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -86,7 +87,7 @@ def _expression(node: ast.expr) -> Expression:
 
 
 def _call(function: str, arguments: list[ast.expr]) -> Brackets:
-    return Brackets(f"{function}(", tuple(("", _expression(each)) for each in arguments), ")")
+    return bracketed(f"{function}(", tuple(map(_expression, arguments)), ")")
 
 
 def _operand(node: ast.expr) -> Expression:
@@ -104,7 +105,7 @@ def _side(node: ast.expr) -> Expression:
 
 def _prefixed(sign: str, operand: Expression) -> Expression:
     if isinstance(operand, Brackets):
-        return replace(operand, opening=sign + operand.opening)
+        return bracketed(sign + operand.opening, operand.items, operand.closing)
     if isinstance(operand, Grouped):
         return replace(operand, prefix=sign + operand.prefix)
     return sign + _flat(operand)

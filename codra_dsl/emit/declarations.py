@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from codra_dsl.build_plan import Branch, Tree
 from codra_dsl.emit.imports import Imports
-from codra_dsl.emit.layout import Brackets, Expression, call, dictionary, spread_call, tuple_of
+from codra_dsl.emit.layout import Expression, call, dictionary, spread_call, tuple_of
 from codra_dsl.emit.literals import literal, text_literal
 from codra_dsl.model import Access, Kind, Resource, Returned, Skill, ValueType, Variable
 
@@ -51,11 +51,11 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
         imports,
         name=literal(declared.name),
         call=literal(declared.call),
-        parameters=dictionary((text_literal(name), literal(value)) for name, value in declared.parameters),
+        parameters=dictionary({text_literal(name): literal(value) for name, value in declared.parameters}),
         handles=_names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
         slots=_names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
         given=_names(reference.name for reference in declared.given),
-        returns=dictionary((text_literal(each.name), _returned(each, imports)) for each in declared.returns),
+        returns=dictionary({text_literal(each.name): _returned(each, imports) for each in declared.returns}),
         timeout_s=literal(declared.timeout_s),
         min_interval_s=literal(declared.min_interval_s),
     )
@@ -72,7 +72,7 @@ def variable(declared: Variable, imports: Imports) -> Expression:
         label=literal(declared.label if declared.label != declared.name else ""),
         sources=_names([reference.name for reference in declared.sources] or ["observer"]),
         valid_for_s=literal(declared.valid_for_s),
-        when_unobservable=literal(declared.when_unobservable.value),
+        when_unobservable=text_literal(declared.when_unobservable),
         history=literal(declared.history),
     )
     return call("VariableModel", **fields)
@@ -115,17 +115,13 @@ def _told(model: str, imports: Imports, **fields: Expression) -> dict[str, Expre
     """Return the fields that differ from what the runtime takes for granted; say what they import."""
     imports.use(model)
     defaults = DEFAULTS[model]
-    told = {name: value for name, value in fields.items() if not _same(value, defaults.get(name))}
+    told = {name: value for name, value in fields.items() if _on_one_line(value) != defaults.get(name)}
     imports.use_math_for(told.values())
     return told
 
 
-def _same(value: Expression, default: Expression | None) -> bool:
-    return default is not None and (value == default or (isinstance(value, Brackets) and _plain(value) == default))
-
-
-def _plain(brackets: Brackets) -> str:
-    return brackets.opening + ", ".join(str(item) for _, item in brackets.items) + brackets.closing
+def _on_one_line(value: Expression) -> str | None:
+    return value if isinstance(value, str) else value.flat
 
 
 def _names(names: Iterable[str]) -> Expression:

@@ -9,7 +9,7 @@ from codra_dsl.build_plan import BuildPlan
 from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
 from codra_dsl.emit.declarations import resource
 from codra_dsl.emit.imports import Imports
-from codra_dsl.emit.layout import WIDTH, Brackets, Expression, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.emit.layout import WIDTH, Expression, bracketed, laid_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.emit.literals import text_literal
 from codra_dsl.emit.rendering import made_by, render
 from codra_dsl.model import Kind
@@ -92,8 +92,8 @@ def _variable_aliases(kinds: list[_Values]) -> Iterator[str]:
 
 def _alias(name: str, members: Iterable[str]) -> str:
     """Return the statement that makes `name` stand for one of some strings."""
-    items = tuple(("", text_literal(member)) for member in members)
-    literals = laid_out(Brackets("Literal[", items, "]"), before=len(name) + 3)
+    items = tuple(map(text_literal, members))
+    literals = laid_out(bracketed("Literal[", items, "]"), before=len(name) + 3)
     return f"{name} = {literals if items else 'Never'}"
 
 

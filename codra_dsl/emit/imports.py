@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
 from codra_dsl.emit.conditions import WORDS
 from codra_dsl.emit.layout import WIDTH, Expression, laid_out, spread_tuple
@@ -32,13 +32,12 @@ class Imports:
     """Collects names while a module is written."""
 
     def __init__(self) -> None:
-        self._names: dict[str, set[str]] = {}
+        self._names: set[str] = set()
         self._math = False
 
     def use(self, *names: str) -> None:
         """Say that the module uses names of the runtime, of py_trees or of Python's library."""
-        for name in names:
-            self._names.setdefault(_HOME[name], set()).add(name)
+        self._names.update(names)
 
     def use_math_for(self, values: Iterable[Expression]) -> None:
         """Say that the module holds some values, which may be infinite."""
@@ -46,14 +45,16 @@ class Imports:
 
     def lines(self) -> str:
         """Return the import statements: Python's own, then py_trees', then ours, a blank line between."""
+        by_home: dict[str, list[str]] = {}
+        for name in self._names:
+            by_home.setdefault(_HOME[name], []).append(name)
+        statements = [(home, _statement(home, by_home[home])) for home in sorted(by_home)]
         plain = ["import math"] if self._math else []
-        sections = [[*(plain if number == 0 else []), *self._section(homes)] for number, homes in enumerate(_SECTIONS)]
+        sections = [
+            [*(plain if number == 0 else []), *(text for home, text in statements if home.startswith(homes))]
+            for number, homes in enumerate(_SECTIONS)
+        ]
         return "\n\n".join("\n".join(section) for section in sections if section)
-
-    def _section(self, homes: tuple[str, ...]) -> Iterator[str]:
-        for home in sorted(self._names):
-            if home.startswith(homes):
-                yield _statement(home, self._names[home])
 
 
 def _statement(home: str, names: Iterable[str]) -> str:

@@ -6,27 +6,29 @@ a line, with a comma after the last; a chain of operators breaks before each of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 WIDTH = 120
 _STEP = 4
 
+SHORT = 70
+"""So short a text fits wherever a declaration or a behaviour may stand: none is indented by half the width."""
 
-@dataclass(frozen=True, slots=True)
-class Brackets:
-    """A call, tuple, list or dictionary.
+
+class Brackets(NamedTuple):
+    """A call, tuple, list or dictionary; `bracketed` makes it.
 
     Attributes:
-        opening: all up to and including the bracket, e.g. `Accept(`.
-        items: each with what precedes it, e.g. `name=`.
-        spread: one item a line, even where all would fit.
+        opening: all up to and including the bracket, e.g. `Accept(` or `type=real(`.
+        flat: all of it on one line; None where part of it takes several lines in any case.
     """
 
     opening: str
-    items: tuple[tuple[str, Expression], ...]
+    items: tuple[Expression, ...]
     closing: str
-    spread: bool = False
+    flat: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,14 @@ class Chain:
     first: Expression
     rest: tuple[tuple[str, Expression], ...]
 
+    @property
+    def flat(self) -> str | None:
+        """Return all of it on one line, or None where part of it takes several lines in any case."""
+        parts = [_flat(self.first), *(_flat(operand) for _, operand in self.rest)]
+        operators = ["", *(f" {operator} " for operator, _ in self.rest)]
+        whole = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
+        return None if None in parts else "".join(whole)
+
 
 @dataclass(frozen=True, slots=True)
 class Grouped:
@@ -44,45 +54,86 @@ class Grouped:
     prefix: str
     inner: Expression
 
+    @property
+    def flat(self) -> str | None:
+        """Return all of it on one line, or None where part of it takes several lines in any case."""
+        inner = _flat(self.inner)
+        return None if inner is None else f"{self.prefix}({inner})"
+
 
 Expression = str | Brackets | Chain | Grouped
 
 
-def call(function: str, *arguments: Expression, **keywords: Expression) -> Brackets:
+def bracketed(opening: str, items: tuple[Expression, ...], closing: str) -> Brackets:
+    """Return items in brackets."""
+    return Brackets(opening, items, closing, _on_one_line(opening, items, closing))
+
+
+def _on_one_line(opening: str, items: tuple[Expression, ...], closing: str) -> str | None:
+    try:
+        return f"{opening}{', '.join(items)}{closing}"  # type: ignore[arg-type]  # most often all items are texts
+    except TypeError:
+        texts = [text for text in map(_flat, items) if text is not None]
+        return f"{opening}{', '.join(texts)}{closing}" if len(texts) == len(items) else None
+
+
+def call(function: str, *arguments: Expression, **keywords: Expression) -> Expression:
     """Return a call."""
-    return Brackets(f"{function}(", _items(arguments, keywords), ")")
+    return _short(f"{function}(", (*arguments, *_named(keywords, "=")) if keywords else arguments, ")")
 
 
 def spread_call(function: str, *arguments: Expression, **keywords: Expression) -> Brackets:
     """Return a call with one argument a line."""
-    return Brackets(f"{function}(", _items(arguments, keywords), ")", spread=True)
+    return Brackets(f"{function}(", (*arguments, *_named(keywords, "=")), ")", None)
 
 
-def tuple_of(items: Iterable[Expression]) -> Brackets:
+def tuple_of(items: Iterable[Expression]) -> Expression:
     """Return a tuple; with one item it keeps its comma."""
-    pairs = tuple(("", item) for item in items)
-    return Brackets("(", pairs, ",)" if len(pairs) == 1 else ")")
+    several = tuple(items)
+    return _short("(", several, ",)" if len(several) == 1 else ")")
 
 
 def spread_tuple(items: Iterable[Expression]) -> Brackets:
     """Return a tuple with one item a line; the comma of a single item is no reason to spread it."""
-    brackets = tuple_of(items)
-    return replace(brackets, spread=len(brackets.items) > 1)
+    several = tuple(items)
+    return Brackets("(", several, ")", None) if len(several) > 1 else bracketed("(", several, ",)" if several else ")")
 
 
 def spread_list(items: Iterable[Expression]) -> Brackets:
     """Return a list with one item a line."""
-    return Brackets("[", tuple(("", item) for item in items), "]", spread=True)
+    return Brackets("[", tuple(items), "]", None)
 
 
-def dictionary(items: Iterable[tuple[str, Expression]]) -> Brackets:
+def dictionary(items: Mapping[str, Expression]) -> Expression:
     """Return a dictionary; keys are literals."""
-    return Brackets("{", tuple((f"{key}: ", value) for key, value in items), "}")
+    return _short("{", tuple(_named(items, ": ")), "}")
 
 
-def _items(arguments: Iterable[Expression], keywords: dict[str, Expression]) -> tuple[tuple[str, Expression], ...]:
-    named = ((f"{name}=", value) for name, value in keywords.items())
-    return (*(("", argument) for argument in arguments), *named)
+def _named(items: Mapping[str, Expression], sign: str) -> list[Expression]:
+    """Return items with their names before them."""
+    return [
+        f"{name}{sign}{item}" if isinstance(item, str) else _behind(f"{name}{sign}", item)
+        for name, item in items.items()
+    ]
+
+
+def _behind(text: str, item: Expression) -> Expression:
+    """Return an item behind what precedes it on its first line."""
+    match item:
+        case str():
+            return text + item
+        case Brackets(opening, items, closing, flat):
+            return Brackets(text + opening, items, closing, None if flat is None else text + flat)
+        case Grouped(prefix, inner):
+            return Grouped(text + prefix, inner)
+        case Chain(first, rest):
+            return Chain(_behind(text, first), rest)
+
+
+def _short(opening: str, items: tuple[Expression, ...], closing: str) -> Expression:
+    """Return items in brackets, as a plain text if that is so short that it fits wherever it may stand."""
+    flat = _on_one_line(opening, items, closing)
+    return Brackets(opening, items, closing, flat) if flat is None or len(flat) > SHORT else flat
 
 
 def laid_out(expression: Expression, *, indent: int = 0, before: int = 0, after: int = 0) -> str:
@@ -109,35 +160,20 @@ def laid_out(expression: Expression, *, indent: int = 0, before: int = 0, after:
 
 def _flat(expression: Expression) -> str | None:
     """Return an expression on one line, or None where part of it takes several lines in any case."""
-    if isinstance(expression, str):
-        return expression
-    if isinstance(expression, Brackets):
-        return _flat_brackets(expression)
-    if isinstance(expression, Grouped):
-        inner = _flat(expression.inner)
-        return None if inner is None else f"{expression.prefix}({inner})"
-    parts = [_flat(expression.first), *(_flat(operand) for _, operand in expression.rest)]
-    operators = ["", *(f" {operator} " for operator, _ in expression.rest)]
-    whole = [text for pair in zip(operators, parts, strict=True) for text in pair if text is not None]
-    return None if None in parts else "".join(whole)
-
-
-def _flat_brackets(expression: Brackets) -> str | None:
-    if expression.spread:
-        return None
-    texts = [(before, _flat(item)) for before, item in expression.items]
-    if any(text is None for _, text in texts):
-        return None
-    return expression.opening + ", ".join(f"{before}{text}" for before, text in texts) + expression.closing
+    return expression if isinstance(expression, str) else expression.flat
 
 
 def _opened(expression: Brackets, indent: int) -> str:
     inner = indent + _STEP
-    lines = [
-        f"{' ' * inner}{before}{laid_out(item, indent=inner, before=inner + len(before), after=1)},\n"
-        for before, item in expression.items
-    ]
-    return f"{expression.opening}\n{''.join(lines)}{' ' * indent}{expression.closing.lstrip(',')}"
+    room = WIDTH - inner - len(",")
+    lines: list[str] = []
+    for item in expression.items:
+        flat = item if isinstance(item, str) else item.flat
+        fits = flat is not None and len(flat) <= room
+        lines.append(flat if flat is not None and fits else laid_out(item, indent=inner, before=inner, after=len(",")))
+    separator = ",\n" + " " * inner
+    closing = f",\n{' ' * indent}{expression.closing.lstrip(',')}"
+    return f"{expression.opening}\n{' ' * inner}{separator.join(lines)}{closing}"
 
 
 def _broken(expression: Chain, indent: int, before: int, after: int) -> str:

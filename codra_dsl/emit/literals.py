@@ -21,6 +21,8 @@ def literal(value: Value) -> str:
 
 def text_literal(text: str) -> str:
     """Return the literal of a string, in double quotes unless single ones spare escapes."""
+    if text.isascii() and text.isprintable() and '"' not in text and "\\" not in text:  # as most texts are
+        return f'"{text}"'
     # With both kinds of quote ahead of it, `ascii` takes single quotes and escapes those of the text alone.
     body = ascii("'\"" + text)[4:-1]
     if text.count('"') > text.count("'"):

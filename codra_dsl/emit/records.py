@@ -8,27 +8,26 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from functools import cache
+from json.encoder import encode_basestring_ascii as json_text
+from operator import attrgetter
 from typing import Any
 
 from codra_dsl import __version__
 from codra_dsl.build_plan import BuildPlan, Edge, Node, NodeKind
-from codra_dsl.diagnostics import Place
+from codra_dsl.diagnostics import Place, Span
 from codra_dsl.model import Algorithm, Variable
+from codra_dsl.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
-MANIFEST = "manifest.json"
 SOURCES = "sources.json"
-FORMAT = "codra-manifest"
 FORMAT_VERSION = 1
 
 # Where something stands and how it was parsed is no part of what a spec means.
 _NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
 # An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
-_PLAIN = frozenset({bool, int, float, str, type(None)})
 
 
 def node_id(plan: BuildPlan, node: Node) -> str:
@@ -59,9 +58,17 @@ def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
 
 def graph_text(plan: BuildPlan) -> str:
     """Return the text of `graph.json`, without places."""
-    nodes = ({"id": node_id(plan, node), "kind": node.kind.value, **about} for node, about in graph_nodes(plan))
-    edges = (graph_edge(plan, edge) for edge in plan.edges)
-    return object_of(format_version="1", nodes=list_of(nodes), edges=list_of(edges))
+    nodes = [
+        f'{{"id": {json_text(node_id(plan, node))}, "kind": "{node.kind}", {_entries(about)}}}'
+        for node, about in graph_nodes(plan)
+    ]
+    name = plan.name
+    edges = [
+        f'{{"source": {json_text(f"{name}/{source.kind}/{source.name}")}, '
+        f'"target": {json_text(f"{name}/{target.kind}/{target.name}")}, "kind": "{kind}"}}'
+        for source, target, kind in plan.edges
+    ]
+    return object_of(format_version="1", nodes=_listed(nodes), edges=_listed(edges))
 
 
 def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
@@ -72,7 +79,7 @@ def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
     variables = {name: _about(variable) for name, variable in plan.checked.variables.items()}
     digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
     return object_of(
-        format=json.dumps(FORMAT),
+        format=json.dumps(MANIFEST_FORMAT),
         format_version=str(FORMAT_VERSION),
         codra=json.dumps(__version__),
         name=json.dumps(plan.name),
@@ -92,7 +99,7 @@ def _about(variable: Variable) -> dict[str, object]:
 
 def sources_text(plan: BuildPlan) -> str:
     """Return the text of `sources.json`: for each element and condition its file and line, and those of its use."""
-    return mapping_of({name: _where(place) for name, place in places(plan)}) + "\n"
+    return _mapped([f"{json_text(name)}: {_where(place)}" for name, place in places(plan)]) + "\n"
 
 
 def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
@@ -115,9 +122,13 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
 
 
-def _where(place: Place) -> dict[str, object]:
-    use = {} if place.use is None else {"use": {"file": place.use.file, "line": place.use.line}}
-    return {"file": place.span.file, "line": place.span.line, **use}
+def _where(place: Place) -> str:
+    use = "" if place.use is None else f', "use": {{{_line(place.use)}}}'
+    return f"{{{_line(place.span)}{use}}}"
+
+
+def _line(span: Span) -> str:
+    return f'"file": {json_text(span.file)}, "line": {span.line}'
 
 
 def object_of(**parts: str) -> str:
@@ -128,14 +139,26 @@ def object_of(**parts: str) -> str:
 
 def list_of(items: Iterable[object]) -> str:
     """Return a JSON list, one item a line."""
-    lines = ",\n".join(map(json.dumps, items))
-    return f"[\n{lines}\n]" if lines else "[]"
+    return _listed(list(map(json.dumps, items)))
 
 
 def mapping_of(items: Mapping[str, object]) -> str:
     """Return a JSON object, one entry a line."""
-    lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items())
-    return f"{{\n{lines}\n}}" if lines else "{}"
+    return _mapped([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
+
+
+def _listed(lines: list[str]) -> str:
+    return "[\n" + ",\n".join(lines) + "\n]" if lines else "[]"
+
+
+def _mapped(lines: list[str]) -> str:
+    return "{\n" + ",\n".join(lines) + "\n}" if lines else "{}"
+
+
+def _entries(items: Mapping[str, object]) -> str:
+    """Return the entries of a JSON object, on one line without its braces."""
+    texts = (json_text(value) if type(value) is str else json.dumps(value) for value in items.values())
+    return ", ".join([f'"{key}": {text}' for key, text in zip(items, texts, strict=True)])
 
 
 def _digest(text: str) -> str:
@@ -156,23 +179,39 @@ def model_digest(plan: BuildPlan) -> str:
         spec.resources,
         spec.agents,
     )
-    return _digest(ascii(_meaning(meant)))
+    return _digest(_meaning(meant))
 
 
-def _meaning(value: object) -> object:
-    """Return a value as tuples and plain values, which differ whenever the meaning does."""
-    kind: Any = type(value)
-    if kind in _PLAIN:
-        return value
-    if isinstance(value, tuple):
-        return tuple(map(_meaning, value))
-    if isinstance(value, Enum):
-        return value.value
-    return (kind.__name__, *(_meaning(getattr(value, name)) for name in _meant(kind)))
+def _meaning(value: Any) -> str:
+    """Return a value as the text of tuples and plain values, which differ whenever the meaning does."""
+    return _WRITERS.get(type(value), _written)(value)
 
 
-@cache
-def _meant(kind: Any) -> tuple[str, ...]:
-    """Return the fields of a frozen value that count for its meaning."""
-    names = tuple(field.name for field in dataclasses.fields(kind))
-    return tuple(name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO)
+def _written(value: Any) -> str:
+    """Return the meaning of a value of a type that was not met before."""
+    kind = type(value)
+    _WRITERS[kind] = _writer(kind)
+    return _WRITERS[kind](value)
+
+
+def _writer(kind: Any) -> Callable[[Any], str]:
+    """Return what writes the values of a type: of an enumeration, or of frozen values."""
+    if issubclass(kind, Enum):
+        return lambda value: ascii(value.value)
+    names = [field.name for field in dataclasses.fields(kind)]
+    meant = [name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO]
+    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in meant)])}{'' if meant else ','})"
+    fields = [attrgetter(name) for name in meant]
+    return lambda value: shape % tuple([_meaning(field(value)) for field in fields])
+
+
+def _several(values: tuple[Any, ...]) -> str:
+    """Return the meanings of several values as the text of a tuple."""
+    return f"({', '.join(map(_meaning, values))}{',' if len(values) == 1 else ''})"
+
+
+_WRITERS: dict[type, Callable[[Any], str]] = {
+    **dict.fromkeys((bool, int, float, str, type(None)), ascii),
+    tuple: _several,
+}
+"""What writes the values of each type; types of the model are added as they are met."""

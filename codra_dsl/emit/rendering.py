@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from typing import TYPE_CHECKING
 
 from codra_dsl.build_plan import BuildPlan
 from codra_dsl.emit.literals import prose
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 def render(template: str, **texts: object) -> str:
@@ -23,6 +25,8 @@ def made_by(plan: BuildPlan) -> str:
 
 @cache
 def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  not where nothing is emitted
+
     return Environment(
         loader=PackageLoader("codra_dsl.emit"),
         undefined=StrictUndefined,

@@ -8,12 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from random import Random
 from typing import Any
 
 from codra_dsl.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_dsl.experiments.scoring import Piece, Score, held_pieces, pieces, score
-from codra_dsl.runtime import Clock, ContextManager, Record, SimClock, WallClock
+from codra_dsl.runtime import Clock, ContextManager, Journal, Record, SimClock, WallClock
 from codra_dsl.runtime.context import MAIN
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
@@ -90,6 +91,7 @@ class LabSettings:
         duration_s: how long; None for one whole loop.
         expect: whether the main execution says beforehand what comes next.
         progress: is told the present instant now and then.
+        journal: where the journal of the main execution's own observers goes, if anywhere.
     """
 
     seed: int = 1
@@ -97,6 +99,7 @@ class LabSettings:
     pace: Pace = Pace.FAST
     expect: Expect = Expect.ONE_AHEAD
     progress: Callable[[float], None] = lambda _: None
+    journal: Path | None = None
 
 
 def run_lab(start: Start, settings: LabSettings, start_naive: Start | None = None) -> LabRun:
@@ -117,7 +120,9 @@ def run_lab(start: Start, settings: LabSettings, start_naive: Start | None = Non
         starts = {CONTEXT_DRIVEN: start} | ({NAIVE: start_naive} if start_naive is not None else {})
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
-            name: stack.enter_context(begin(clock=clock, resources=resources, seed=settings.seed))
+            name: stack.enter_context(
+                begin(clock=clock, resources=resources, seed=settings.seed, record=_record(name, settings))
+            )
             for name, begin in starts.items()
         }
         if NAIVE in managers:
@@ -147,6 +152,13 @@ def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
     clock: Clock = SimClock() if settings.pace is Pace.FAST else stack.enter_context(WallClock(start_s=0.0))
     end_s = math.inf if settings.duration_s is None else settings.duration_s
     return LimitedClock(clock, end_s, settings.progress)
+
+
+def _record(arm: str, settings: LabSettings) -> Record:
+    """Return what takes the events of an arm: all of them, since they are scored in the end."""
+    if settings.journal is None or arm != CONTEXT_DRIVEN:
+        return Record(math.inf)
+    return Journal(settings.journal, math.inf)
 
 
 def _declare_all(manager: ContextManager[Any, Any]) -> None:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Mapping
 from hashlib import sha256
 from pathlib import Path
+from types import ModuleType
 from typing import Any, cast
 
 from codra_dsl.runtime import ContextManager
@@ -23,8 +24,16 @@ def load_start(files: Mapping[str, str], name: str, folder: Path) -> Callable[..
     for path, text in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
-    package = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{name}"
-    place = folder / name
+    return cast("Callable[..., ContextManager[Any, Any]]", load_package(folder / name).start)
+
+
+def load_package(place: Path) -> ModuleType:
+    """Return the generated package that stands in a folder, wherever that is.
+
+    Raises:
+        ImportError: if there is none; and whatever running it raises.
+    """
+    package = f"_codra_{sha256(str(place.absolute()).encode()).hexdigest()[:16]}_{place.name}"
     spec = importlib.util.spec_from_file_location(
         package, place / "__init__.py", submodule_search_locations=[str(place)]
     )
@@ -33,4 +42,4 @@ def load_start(files: Mapping[str, str], name: str, folder: Path) -> Callable[..
     module = importlib.util.module_from_spec(spec)
     sys.modules[package] = module
     spec.loader.exec_module(module)
-    return cast("Callable[..., ContextManager[Any, Any]]", module.start)
+    return module

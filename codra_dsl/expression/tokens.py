@@ -26,6 +26,7 @@ FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
 """The least and the largest number of arguments of each function."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_NO_NAMES = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
 
 
 class TokenKind(StrEnum):
@@ -162,9 +163,7 @@ def tokens(text: str) -> tuple[Token, ...]:
 
 def is_name(text: str) -> bool:
     """Return whether a text can be the name of a context-variable or of a returned value."""
-    if len(text) > MAX_LENGTH or not _IDENTIFIER.fullmatch(text) or keyword.iskeyword(text):
-        return False
-    return text not in WORDS and text not in FUNCTIONS and text != "null"
+    return len(text) <= MAX_LENGTH and text not in _NO_NAMES and _IDENTIFIER.fullmatch(text) is not None
 
 
 def shown(text: str) -> str:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from codra_dsl.diagnostics import Related
+from codra_dsl.diagnostics import Related, replacing, surely_means
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.fill import Bound, bind, example
 from codra_dsl.load.findings import Findings, listed
 from codra_dsl.load.nodes import ScalarNode, YamlNode
 from codra_dsl.load.origin import Subject
-from codra_dsl.load.reader import entries
+from codra_dsl.load.reader import entries, is_unread
 from codra_dsl.load.shape import sound
 from codra_dsl.load.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
 
@@ -29,22 +29,31 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
     given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
     right = sound("template_use", node.data)
     meant: set[str] = set()
-    for name, (key, _) in given.items():
-        if name not in template.parameters or name == INSTANCE:
-            right = False
-            meant.add(_report_unknown(subject, key, template, given, findings))
+    missing = [name for name, parameter in template.parameters.items() if _is_needed(parameter) and name not in given]
+    unknown = [name for name in given if name not in template.parameters or name == INSTANCE]
+    for name in unknown:
+        right = False
+        if not template.is_open or name == INSTANCE:
+            only = missing[0] if len(missing) == len(unknown) == 1 else None
+            meant.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
     bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
     for name, parameter in template.parameters.items():
         if name == INSTANCE:
             continue
-        bound[name] = example(parameter)
         if name in given:
             key, value = given[name]
             if isinstance(value, ScalarNode) and _is_right(subject, key, value, parameter, findings):
                 bound[name] = bind(parameter, value)
-        elif parameter.default is None and name not in meant and not parameter.key.reported:
+                continue
+        elif name in missing and name not in meant and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
+        bound[name] = example(parameter)
     return Arguments(bound, right and all(item.known for item in bound.values()))
+
+
+def _is_needed(parameter: Parameter) -> bool:
+    """Return whether each use must give a parameter."""
+    return parameter.default is None and not parameter.key.reported and parameter.key.text != INSTANCE
 
 
 def _is_right(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings) -> bool:
@@ -66,21 +75,34 @@ def _is_right(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: P
 
 
 def _report_unknown(
-    subject: Subject, key: ScalarNode, template: Template, given: Mapping[str, object], findings: Findings
+    subject: Subject,
+    key: ScalarNode,
+    template: Template,
+    given: Mapping[str, object],
+    findings: Findings,
+    *,
+    missing: str | None,
 ) -> str:
-    """Report an argument that the template does not know; return the parameter that is probably meant."""
+    """Report an argument that the template does not know; return the parameter that is probably meant.
+
+    `missing` is the only parameter that is missing, if this argument is the only unknown one.
+    """
     known = [name for name in template.parameters if name != INSTANCE]
     near = findings.nearest(key.text, (name for name in known if name not in given))
     if key.text == INSTANCE:
         way_out = "remove it: $(instance) is the name of the use"
     elif near:
         way_out = f"did you mean '{near}'?"
+    elif missing is not None:
+        way_out = f"did you mean '{missing}', which is missing?"
     else:
         way_out = f"its parameters are {listed(known)}" if known else "it has none"
     message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
     place, path = subject.origin.of(key), subject.part(key.text)
-    findings.add("unknown-argument", message, place, help=way_out, path=path)
-    return near or ""
+    safe = near is not None and near in template.used and surely_means(key.text, near, known)
+    fix = replacing(place, key.text, near, safe=safe) if near else None
+    findings.add("unknown-argument", message, place, help=way_out, path=path, fix=fix)
+    return near or missing or ""
 
 
 def _report_missing(subject: Subject, name: str, parameter: Parameter, template: Template, findings: Findings) -> None:

@@ -40,6 +40,7 @@ from codra_dsl.model import (
 MAX_CONFIRMED = 100
 """The most results that `confirm` looks at."""
 
+_ACCESSES = {access.value: access for access in Access}
 _CALL = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
 _CONFIRM = re.compile(r"([0-9]{1,9})\s+of\s+([0-9]{1,9})")
 
@@ -153,9 +154,9 @@ def _places_of_parameters(reader: Reader) -> Iterable[tuple[str, tuple[int, int]
 
 def _read_uses(reader: Reader) -> Iterable[Usage]:
     for key, value in entries(reader.node.value("uses")):
-        if isinstance(value, ScalarNode) and value.text in tuple(Access) and not (key.reported or value.reported):
-            place = reader.origin.of(value)
-            yield Usage(resource=reader.reference(key), access=Access(value.text), place=place)
+        access = _ACCESSES.get(value.text) if isinstance(value, ScalarNode) else None
+        if access is not None and not (key.reported or value.reported):
+            yield Usage(resource=reader.reference(key), access=access, place=reader.origin.of(value))
         else:
             reader.damage("uses")
 

@@ -8,18 +8,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from itertools import islice
 from typing import Any
 
 import yaml
 
 from codra_dsl.diagnostics import Related
 from codra_dsl.expression.tokens import shown
+from codra_dsl.load.complaint import Problem
+from codra_dsl.load.draft import Draft
 from codra_dsl.load.findings import Findings
+from codra_dsl.load.fixes import trap_fix
+from codra_dsl.load.mending import NO_KEY, colon_before_bracket, colon_between, missing_colon
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.scalars import SPECIAL_FIRST, resolve
 from codra_dsl.load.source import Source
 from codra_dsl.load.syntax import explain
-from codra_dsl.load.traps import read_as_block, read_as_tag
+from codra_dsl.load.traps import Openings, read_as_block, read_as_tag
 
 Parser: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """Makes events of a text; slower where PyYAML was built without libyaml, but the same."""
@@ -31,6 +36,9 @@ MAX_TEXT = 64 * 1024
 
 MAX_REPAIRS = 50
 _MAX_REPARSED = 8_000_000
+
+_MAX_PIECES = 50
+"""How many entries of a mapping may be pieces of one condition."""
 
 CONDITION_KEYS = frozenset({"observable_when", "accept_when", "identifies", "monitor"})
 
@@ -48,31 +56,44 @@ class _StopError(Exception):
     """Ends the reading of a file of which nothing sensible can be read any more."""
 
 
+class _SlipError(Exception):
+    """Ends the reading of a text that is YAML, but of another shape than was meant."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.message)
+        self.problem = problem
+
+
 def compose(source: Source, findings: Findings) -> YamlNode | None:
     """Return a file's document as nodes, or None where it is no YAML, exceeds a limit, or is empty.
 
-    Where a trap for conditions makes the file unreadable, what is caught in it is blotted out and the rest is read.
+    Where a trap for conditions makes the file unreadable, what is caught in it is blotted out and the rest is read;
+    where a letter is missing, the rest is read as if it stood there.
     """
-    blots: dict[int, int] = {}
-    text = source.text
-    for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(text))))):
+    draft = Draft(source)
+    for _ in range(max(1, min(MAX_REPAIRS, _MAX_REPARSED // max(1, len(source.text))))):
         found = Findings()
         try:
-            root = _Composer(source, text, found, blots).document()
+            root = _Composer(draft, found).document()
         except _StopError:
             findings.extend(found)
             return None
-        except yaml.YAMLError as error:
-            problem = explain(text, error)
-            place = source.place(problem.start, problem.end)
-            findings.add(problem.rule, problem.message, place, help=problem.help)
-            if problem.blot is None:
+        except (yaml.YAMLError, _SlipError) as error:
+            problem = error.problem if isinstance(error, _SlipError) else explain(draft.text, error)
+            if draft.is_lost_at(problem):
                 return None
-            start, end = problem.blot
-            blots[start] = end
-            text = text[:start] + "x" * (end - start) + text[end:]
+            findings.add(
+                problem.rule,
+                problem.message,
+                draft.place(problem.start, problem.end),
+                help=problem.help,
+                fix=draft.fix(problem),
+            )
+            if not draft.mend(problem):
+                return None
         else:
             findings.extend(found)
+            draft.put_back(root)
             return root
     return None
 
@@ -88,11 +109,11 @@ class _Composer:
         _again: the section that a second key of the same name goes on with.
     """
 
-    def __init__(self, source: Source, text: str, findings: Findings, blots: dict[int, int]) -> None:
-        self._source = source
-        self._text = text
+    def __init__(self, draft: Draft, findings: Findings) -> None:
+        self._source = draft
+        self._text = draft.text
         self._findings = findings
-        self._blots = blots
+        self._blots = draft.blots
         self._root: YamlNode | None = None
         self._parents: list[tuple[MappingNode | SequenceNode | None, ScalarNode | None]] = []
         self._current: MappingNode | SequenceNode | None = None
@@ -116,11 +137,12 @@ class _Composer:
         }
         parser = Parser(self._text)
         try:
-            next_event = parser.get_event
-            while self._documents < 2 and (event := next_event()) is not None:
+            for event in iter(parser.get_event, None):
                 handler = handlers.get(type(event))
                 if handler is not None:
                     handler(event)
+                    if self._documents == 2:
+                        break
         finally:
             parser.dispose()
         return self._root
@@ -136,28 +158,61 @@ class _Composer:
             self._report("directive", "directives are not part of this language", start, line, "remove this line")
 
     def _scalar(self, event: Any) -> None:
+        """Take a scalar: most events are scalars, so what most scalars need stands here and the rest elsewhere."""
         text = event.value
-        style = _STYLES[event.style]
-        node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, style)
-        if event.tag is not None or event.anchor is not None:
+        node = ScalarNode(text, text, event.start_mark.index, event.end_mark.index, _STYLES[event.style])
+        if text[:1] in SPECIAL_FIRST or node.style is not Style.PLAIN or len(text) > MAX_TEXT or self._blots:
+            self._look_closely(event, node)
+        elif event.tag is not None or event.anchor is not None:
             self._properties(event, node)
-        if style is Style.PLAIN:
-            if not text or text[0] in SPECIAL_FIRST:
-                self._resolve(node)
-        elif style is not Style.SINGLE_QUOTED:
-            self._examine(node)
-        if len(text) > MAX_TEXT:
-            self._too_long(node)
-        if self._blots and node.start in self._blots:
-            node.reported = True
         self._last_end = node.end
         mapping = self._current
         if self._key is not None or type(mapping) is not MappingNode:
             self._attach(node)
         elif text in mapping.entries or text == "<<":
             self._refuse_key(node, mapping)
+        elif " " in text or node.reported:
+            self._suspect_key(node, mapping)
         else:
             self._key = node
+
+    def _look_closely(self, event: Any, node: ScalarNode) -> None:
+        """Judge a scalar that is not just a plain text."""
+        if event.tag is not None or event.anchor is not None:
+            self._properties(event, node)
+        if node.style is Style.PLAIN:
+            if not node.text:
+                self._suspect_value(node)
+            if node.text[:1] in SPECIAL_FIRST:
+                self._resolve(node)
+        elif node.style is not Style.SINGLE_QUOTED:
+            self._examine(node)
+        if len(node.text) > MAX_TEXT:
+            self._too_long(node)
+        if node.start in self._blots:
+            node.reported = True
+
+    def _suspect_key(self, node: ScalarNode, mapping: MappingNode) -> None:
+        """Take a key that may be more than one, or none."""
+        self._key = node
+        if node.reported and node.text == NO_KEY:
+            self._key = _NOWHERE
+            mapping.unread = True
+        elif node.style is Style.PLAIN and (at := colon_before_bracket(node.text)) is not None:
+            raise _SlipError(missing_colon(self._text, node.start, node.start + at))
+
+    def _suspect_value(self, node: ScalarNode) -> None:
+        """Look at a value that is not there: perhaps it stands in its key."""
+        key, mapping = self._key, self._current
+        plain = key is not None and key.style is Style.PLAIN and " " in key.text and not key.reported
+        if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
+            return
+        at = colon_between(key.text)
+        if at is None or "\n" in self._text[key.start : key.end]:
+            return
+        around = islice(reversed(mapping.entries.values()), _MAX_PIECES)
+        if not any(type(each) is ScalarNode and Openings(each.text).are_left for _, each in around):
+            raise _SlipError(missing_colon(self._text, key.start, key.start + at))
 
     def _too_long(self, node: ScalarNode) -> None:
         node.reported = True
@@ -201,10 +256,10 @@ class _Composer:
             self._root = node
 
     def _open_mapping(self, event: Any) -> None:
-        self._open(event, MappingNode(event.start_mark.index, event.end_mark.index, flow=bool(event.flow_style)))
+        self._open(event, MappingNode(event.start_mark.index, event.end_mark.index, flow=event.flow_style))
 
     def _open_sequence(self, event: Any) -> None:
-        self._open(event, SequenceNode(event.start_mark.index, event.end_mark.index, flow=bool(event.flow_style)))
+        self._open(event, SequenceNode(event.start_mark.index, event.end_mark.index, flow=event.flow_style))
 
     def _open(self, event: Any, node: MappingNode | SequenceNode) -> None:
         if event.tag is not None or event.anchor is not None:
@@ -218,6 +273,7 @@ class _Composer:
             if all(around is not _NOWHERE for _, around in self._parents):
                 way_out = "write a plain text before the ':'"
                 self._report("key-not-text", "a key must be a text", node.start, node.start + 1, way_out)
+                self._current.unread = True
             waiting = _NOWHERE
         again = self._again if type(node) is MappingNode else None
         if waiting is None:
@@ -266,7 +322,8 @@ class _Composer:
         if not tag.startswith("!!") and self._in_condition():
             rest = f" {node.text}" if isinstance(node, ScalarNode) and node.text else ""
             trap = read_as_tag(tag, rest)
-            self._report(trap.rule, trap.message, start, end, trap.help)
+            place = self._source.place(start, end)
+            self._findings.add(trap.rule, trap.message, place, help=trap.help, fix=trap_fix(trap, place))
             return
         way_out = "name the part under 'include'" if tag == "!include" else "remove it; quote what is a text"
         self._report("tag", f"the tag {shown(tag)} is not part of this language", start, end, way_out)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 from codra_dsl.expression import Node, SyntaxProblem, names_in, parse
+from codra_dsl.load.fixes import trap_fix
 from codra_dsl.load.letters import cut, letters_of
 from codra_dsl.load.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.reader import Reader, Suspect
@@ -44,7 +45,7 @@ def whole_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
         end = node.items[torn_until - 1].end
         trap = torn_at_comma(reader.origin.source.text[item.start : end])
         place = reader.origin.place(item.start, end)
-        reader.fail(trap.rule, trap.message, place, trap.help, key, str(index))
+        reader.fail(trap.rule, trap.message, place, trap.help, key, str(index), fix=trap_fix(trap, place))
 
 
 def read_condition(reader: Reader, node: YamlNode, *steps: str) -> Condition:
@@ -76,7 +77,7 @@ def parsed(reader: Reader, node: YamlNode, text: str, letters: Letters, steps: t
     tree = None if node.reported else _tree(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
-    placed = PlacedLetters(reader.origin.place, letters) if letters else None
+    placed = PlacedLetters(reader.place_of, letters) if letters else None
     return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed)
 
 
@@ -113,7 +114,9 @@ def report_syntax(reader: Reader, node: YamlNode, condition: Condition, steps: t
     comment = _comment_after(reader, node)
     if comment is not None:
         trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
-        reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path)
+        whole = reader.origin.place(node.start, reader.origin.source.line_end(node.end))
+        fix = trap_fix(trap, whole)
+        reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path, fix=fix)
     elif isinstance(problem, SyntaxProblem):
         place = condition.place_between(problem.start, problem.end)
         reader.findings.add("condition-syntax", problem.message, place, help=problem.help, path=path)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from codra_dsl.diagnostics import replacing
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.compose import compose
 from codra_dsl.load.findings import Findings
+from codra_dsl.load.fixes import version_fix
 from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.load.origin import Origin, Subject
+from codra_dsl.load.reader import is_unread
 from codra_dsl.load.shape import WHOLE_FILE, explain_outline, schema
 from codra_dsl.load.source import Source, file_place
 
@@ -36,6 +39,12 @@ class Document:
         """The spec's name; None for a part."""
         node = self.root.value("name")
         return node if isinstance(node, ScalarNode) else None
+
+    @property
+    def may_be_named(self) -> bool:
+        """Whether it is a spec whose name is there, under a key or in a form that nobody can read."""
+        strange = any(key not in schema()["properties"] for key in self.root.entries)
+        return self.root.unread or strange or "name" in self.root.entries
 
     @property
     def includes(self) -> tuple[ScalarNode, ...]:
@@ -80,13 +89,18 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
     if entry is None:
         known = schema()["properties"]
         strange = [key for key in root.entries if key not in known]
-        if findings.nearest("codra", strange) is None:
+        near = findings.nearest("codra", strange)
+        stands_for_it = near or next((key for key in strange if _is_version(root.entries[key][1])), None)
+        if stands_for_it is not None:
+            return near is not None or _rename_to_codra(root, stands_for_it, source, findings)
+        if not root.unread:
             message = "the file does not say 'codra: 1'"
             way_out = "write 'codra: 1' in its first line"
-            findings.add("language-version", message, source.place(root.start, root.start), help=way_out)
-        return any(key in SECTIONS or key in ("templates", "use") for key in root.entries)
+            place = source.place(root.start, root.start)
+            findings.add("language-version", message, place, help=way_out, fix=version_fix(root, source))
+        return root.unread or any(key in SECTIONS or key in ("templates", "use") for key in root.entries)
     key, value = entry
-    if value.data != VERSION or isinstance(value.data, bool):
+    if not _is_version(value):
         written = shown(value.text) if isinstance(value, ScalarNode) else "that"
         place = Origin(source).of_value(key, value)
         if not value.reported:
@@ -94,29 +108,51 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
         return False
     if next(iter(root.entries)) != "codra":
         place = source.place(key.start, key.end)
-        findings.add("language-version", "'codra: 1' does not come first", place, help="move it to the first line")
+        message, way_out = "'codra: 1' does not come first", "move it to the first line"
+        findings.add("language-version", message, place, help=way_out, fix=version_fix(root, source))
+    return True
+
+
+def _is_version(value: YamlNode) -> bool:
+    return value.data == VERSION and not isinstance(value.data, bool)
+
+
+def _rename_to_codra(root: MappingNode, strange: str, source: Source, findings: Findings) -> bool:
+    """Report the key that stands where `codra` must, and read it so."""
+    key = root.entries[strange][0]
+    message, place = f"unknown key {shown(strange)} in this file", source.place(key.start, key.end)
+    findings.add(
+        "unknown-key", message, place, help="did you mean 'codra'?", fix=replacing(place, strange, "codra", safe=False)
+    )
+    entries = list(root.entries.items())
+    root.entries.clear()
+    for name, (node, value) in entries:
+        root.entries["codra" if name == strange else name] = (node, value)
+    root.data["codra"] = root.data.pop(strange)
     return True
 
 
 def _lost(root: MappingNode) -> frozenset[str]:
     """Return the sections whose elements are unknown, since their keys or values are wrong."""
     known = schema()["properties"]
-    lost: set[str] = set()
+    lost: set[str] = set(SECTIONS) if root.unread else set()
     for key, (_, value) in root.entries.items():
         readable = value.data is None or isinstance(value, SequenceNode if key == "include" else MappingNode)
         strange = key not in known and not isinstance(value, ScalarNode)
-        if strange or (key in ("templates", "use", "include") and not readable):
+        if strange or (key in ("templates", "use", "include") and (not readable or is_unread(value))):
             lost.update(SECTIONS)
-        elif key in SECTIONS and not readable:
+        elif key in SECTIONS and (not readable or is_unread(value)):
             lost.add(key)
     return frozenset(lost)
 
 
 def _refuse_parameters(root: MappingNode, source: Source, findings: Findings) -> None:
-    """Report parameters outside templates."""
-    if "$(" not in source.text:
+    """Report parameters outside templates; in a section that nobody knows there may be templates."""
+    if "$(" not in source.text or root.unread:
         return
     for key, (key_node, value) in root.entries.items():
+        if key not in schema()["properties"] and isinstance(value, MappingNode):
+            continue
         nodes: tuple[YamlNode, ...] = (key_node,) if key == "templates" else (key_node, value)
         for node in nodes:
             for scalar in scalars(node, lambda scalar: "$(" in scalar.text and not scalar.reported):

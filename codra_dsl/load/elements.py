@@ -69,6 +69,8 @@ class Elements:
             damaged = wrong.get(key.written, frozenset())
             if not all_sound and key.written not in wrong:
                 damaged = self._explained(subject, node)
+            if isinstance(node, MappingNode) and node.unread:
+                damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
             if isinstance(node, MappingNode):  # what cannot be kept is read for what else is wrong with it
                 reader = Reader(subject, node, self._findings, damaged)

@@ -92,7 +92,7 @@ class Filler:
         if id(node) not in self._template.touched:
             return node
         filled = MappingNode(node.start, node.end, flow=node.flow)
-        filled.reported = node.reported
+        filled.reported, filled.unread = node.reported, node.unread
         for key, value in node.entries.values():
             new_key = self._scalar(key) if id(key) in self._template.touched else key
             if new_key.text in filled.entries:
@@ -106,10 +106,10 @@ class Filler:
         if pattern.is_whole and pattern.position in (Position.VALUE, Position.ARGUMENT):
             return self._literal(node, pattern.pieces[0])
         pieces = tuple((self._text(piece, pattern.position), piece.letters) for piece in pattern.pieces)
-        if sum(len(text) for text, _ in pieces) > MAX_FILLED_TEXT:
+        text = "".join([text for text, _ in pieces])
+        if len(text) > MAX_FILLED_TEXT:
             self._overlong.append(node)
             return node
-        text = "".join([text for text, _ in pieces])
         filled = ScalarNode(text, text, node.start, node.end, node.style)
         filled.reported = node.reported
         filled.filled = Filled(node.text, pieces)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from codra_dsl.diagnostics import Diagnostic, Place, Related, suggest
+from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, suggest
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.rules import RULES
 
@@ -35,10 +35,14 @@ class Findings:
         help: str = "",
         path: str = "",
         related: Iterable[Related] = (),
+        fix: Fix | None = None,
     ) -> None:
         """Report one finding of a rule of `RULES`."""
-        found = Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help, related=tuple(related))
-        self._found.append(found)
+        self._found.append(
+            Diagnostic(
+                rule=RULES[rule], message=message, place=place, path=path, help=help, related=tuple(related), fix=fix
+            )
+        )
 
     def extend(self, other: Findings) -> None:
         """Take over the findings of another list."""

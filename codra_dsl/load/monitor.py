@@ -16,7 +16,7 @@ from codra_dsl.model import Condition, Expectation, Expected, Letters, Reference
 from codra_dsl.units import duration_help, parse_duration
 
 _WORDS = re.compile(r"(?P<name>\S+)(?:\s+(?P<verb>\S+)(?:\s+(?P<rest>.*))?)?", re.DOTALL)
-_WITHIN = re.compile(r"(?:^|\s+)within(?:\s+(?P<duration>[^\"']*))?$")
+_WITHIN = re.compile(r"\s*(?<!\S)within(?:\s+(?P<duration>[^\"']*))?$")
 _COMPARED = re.compile(r"<=|>=|==|!=|<|>")
 _OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "becomes", "turns": "becomes"}
 
@@ -53,6 +53,8 @@ class _Entry:
         start, end = words.span("rest") if words["rest"] else (len(self._text), len(self._text))
         within = _WITHIN.search(self._text, start)
         within_s = self._within(expected, within)
+        if within is None and expected is Expected.BECOMES:
+            return None
         condition = self._condition(variable, start, end if within is None else within.start())
         if condition is None or (within_s is None and expected is Expected.BECOMES):
             return None
@@ -77,7 +79,8 @@ class _Entry:
                 self._fail("'stays' knows no 'within'", "remove it: the skill's acting is the time", *_trimmed(within))
             return None
         if within is None:
-            way_out = f"say how long it may take: {self._text} within 5 s"
+            near = any(self._reader.findings.nearest(word, ["within"]) for word in self._text.split()[2:])
+            way_out = "did you mean 'within'?" if near else f"say how long it may take: {self._text} within 5 s"
             self._fail("'becomes' needs a 'within'", way_out, 0, len(self._text))
             return None
         text = within["duration"] or ""

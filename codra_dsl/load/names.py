@@ -16,6 +16,7 @@ MAX_NAME = 100
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _LITERALS = frozenset({"true", "false", "null"})
+_RESERVED = frozenset({*keyword.kwlist, *FUNCTIONS, *_LITERALS})
 _OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
 
 
@@ -47,7 +48,7 @@ def check_name(node: ScalarNode, what: Subject | str, subject: Subject, findings
 
 
 def _is_reserved(name: str) -> bool:
-    return keyword.iskeyword(name) or name in FUNCTIONS or name in _LITERALS
+    return name in _RESERVED
 
 
 def _reserved_for(name: str) -> str:

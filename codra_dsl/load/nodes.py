@@ -90,9 +90,12 @@ class SequenceNode:
 
 
 class MappingNode:
-    """A mapping. `entries` has key and value by the key's text; keys are texts, whatever they look like."""
+    """A mapping. `entries` has key and value by the key's text; keys are texts, whatever they look like.
 
-    __slots__ = ("data", "end", "entries", "flow", "reported", "start")
+    `unread` says that it has an entry whose key nobody knows, which a finding is about.
+    """
+
+    __slots__ = ("data", "end", "entries", "flow", "reported", "start", "unread")
 
     def __init__(self, start: int, end: int, *, flow: bool) -> None:
         self.entries: dict[str, tuple[ScalarNode, YamlNode]] = {}
@@ -101,10 +104,17 @@ class MappingNode:
         self.end = end
         self.flow = flow
         self.reported = False
+        self.unread = False
 
     def value(self, key: str) -> YamlNode | None:
         """Return the value of a key, or None if the key is absent."""
         entry = self.entries.get(key)
+        return None if entry is None else entry[1]
+
+    def take(self, key: str) -> YamlNode | None:
+        """Return the value of a key, or None if the key is absent, and let go of it."""
+        self.data.pop(key, None)
+        entry = self.entries.pop(key, None)
         return None if entry is None else entry[1]
 
     def put(self, key: ScalarNode, value: YamlNode) -> None:

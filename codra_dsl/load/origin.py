@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.diagnostics import Place, Span
+from codra_dsl.diagnostics import Place, Span, late_place
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.nodes import ScalarNode, YamlNode, visible_range
 from codra_dsl.load.source import Source
@@ -49,11 +49,11 @@ class Origin:
 
     def place(self, start: int, end: int) -> Place:
         """Return the place of a range of the file's text."""
-        return Place(self.source.span(start, end), self.use)
+        return late_place(self.source, start, end, self.use)
 
     def of(self, node: YamlNode) -> Place:
         """Return the place of a node."""
-        return Place(self.source.span(node.start, node.end), self.use)
+        return late_place(self.source, node.start, node.end, self.use)
 
     def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
         """Return the place of a value, or of its key where the value is long."""

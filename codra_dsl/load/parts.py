@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -11,7 +12,7 @@ from codra_dsl.expression.tokens import shown
 from codra_dsl.load.document import Document, read_document
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.nodes import ScalarNode
-from codra_dsl.load.source import MAX_BYTES, read
+from codra_dsl.load.source import AS_ON_DISK, MAX_BYTES, read
 
 MAX_PARTS = 1000
 MAX_INCLUDE_DEPTH = 16
@@ -23,7 +24,6 @@ class _Open:
     """A file whose parts are being read: the files that lead to it, and itself."""
 
     path: Path
-    file: str
     around: tuple[Path, ...]
 
 
@@ -35,18 +35,20 @@ class Parts:
         complete: whether every part could be read.
     """
 
-    def __init__(self, root: Path, findings: Findings) -> None:
+    def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
+        """Begin; `texts` has files, by their names in findings, that are not read from disk."""
         self.documents: list[Document] = []
         self.complete = True
         self._root = root.resolve()
         self._findings = findings
+        self._texts = texts
         self._first: dict[Path, Place] = {}
         self._letters = 0
 
     def read_all(self, document: Document, path: Path) -> None:
         """Read a document's parts, and theirs."""
         self._first[path] = document.origin.of(document.subject.key)
-        self._add(document, _Open(path, document.origin.source.file, (path,)))
+        self._add(document, _Open(path, (path,)))
 
     def _add(self, document: Document, opened: _Open) -> None:
         self.documents.append(document)
@@ -66,8 +68,8 @@ class Parts:
             self._findings.add("too-many-parts", "the spec has too many parts", place, help=way_out, path="include")
             return False
         self._first[path] = place
-        file = _joined(opened.file, node.text)
-        source = read(path, file, self._findings)
+        file = path.relative_to(self._root).as_posix()
+        source = read(path, file, self._findings, self._texts)
         part = None if source is None else read_document(source, self._findings)
         if part is None:
             return False
@@ -75,7 +77,7 @@ class Parts:
             related = Related("its name", part.origin.of(part.name))
             self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
             return False
-        self._add(part, _Open(path, file, (*opened.around, path)))
+        self._add(part, _Open(path, (*opened.around, path)))
         return True
 
     def _locate(self, node: ScalarNode, opened: _Open, place: Place) -> Path | None:
@@ -91,7 +93,8 @@ class Parts:
         except (OSError, RuntimeError, ValueError):
             inside, there, path = True, False, opened.path
         if not inside:
-            way_out = f"parts stand in the project's folder {shown(self._root.name)} or below"
+            inside_of = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
+            way_out = f"parts stand in the project's folder {shown(self._root.name)} or below; that is {inside_of}"
             self._refuse("part-outside-project", f"{shown(text)} leads out of the project", place, way_out)
         elif not there:
             self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near(opened.path, text))
@@ -123,8 +126,3 @@ class Parts:
 
     def _refuse(self, rule: str, message: str, place: Place, way_out: str, *related: Related) -> None:
         self._findings.add(rule, message, place, help=way_out, path="include", related=related)
-
-
-def _joined(file: str, text: str) -> str:
-    """Return a part's path relative to the project root, as the files that include it spell it."""
-    return os.path.normpath(PurePosixPath(file).parent / text).replace(os.sep, "/")

@@ -8,7 +8,7 @@ from enum import StrEnum
 from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
-from codra_dsl.diagnostics import Place
+from codra_dsl.diagnostics import Fix, Place
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode, visible_range
@@ -17,6 +17,9 @@ from codra_dsl.model import Places, Reference
 from codra_dsl.units import duration_help, parse_duration
 
 _duration = lru_cache(maxsize=1024)(parse_duration)
+
+_MAPPINGS = ("with", "uses", "returns", "identifies")
+"""The keys of elements whose values are mappings."""
 
 Choice = TypeVar("Choice", bound=StrEnum)
 
@@ -46,8 +49,10 @@ class Reader:
         self.node = node
         self.findings = findings
         self.origin = subject.origin
+        self.place_of = subject.origin.place
         self.damaged = set(damaged)
         self.suspects: list[Suspect] = []
+        self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
 
     @property
     def place(self) -> Place:
@@ -58,13 +63,16 @@ class Reader:
         """Note that what `steps` lead to could not be read."""
         self.damaged.add(damaged_key(steps))
 
-    def fail(self, rule: str, message: str, where: YamlNode | Place, way_out: str, *steps: str) -> None:
+    def fail(
+        self, rule: str, message: str, where: YamlNode | Place, way_out: str, *steps: str, fix: Fix | None = None
+    ) -> None:
         """Report what is wrong at a place in the element, which `steps` lead to and which is damaged by it."""
         self.damage(*steps)
         if isinstance(where, Place):
-            self.findings.add(rule, message, where, help=way_out, path=self.subject.part(*steps))
+            self.findings.add(rule, message, where, help=way_out, path=self.subject.part(*steps), fix=fix)
         elif not where.reported:
-            self.findings.add(rule, message, self.origin.of(where), help=way_out, path=self.subject.part(*steps))
+            place, path = self.origin.of(where), self.subject.part(*steps)
+            self.findings.add(rule, message, place, help=way_out, path=path, fix=fix)
 
     def scalar(self, key: str) -> ScalarNode | None:
         """Return the scalar of a key, or None if it is absent or spoiled."""
@@ -128,7 +136,12 @@ class Reader:
         ranges = {key: visible_range(key_node, value) for key, (key_node, value) in self.node.entries.items()}
         ranges["name"] = (self.subject.key.start, self.subject.key.end)
         ranges.update(more)
-        return Places(self.origin.place, ranges)
+        return Places(self.place_of, ranges)
+
+
+def is_unread(node: YamlNode | None) -> bool:
+    """Return whether a mapping has an entry whose key nobody knows."""
+    return isinstance(node, MappingNode) and node.unread
 
 
 def entries(node: YamlNode | None) -> Iterable[tuple[ScalarNode, YamlNode]]:

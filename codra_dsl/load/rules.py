@@ -17,6 +17,7 @@ RULES = rules(
     ("CDR0007", "no-spec", _ERROR),
     ("CDR0008", "part-without-spec", _ERROR),
     ("CDR0009", "outside-project", _ERROR),
+    ("CDR0010", "unincluded-part", _WARNING),
     # YAML
     ("CDR1001", "yaml-syntax", _ERROR),
     ("CDR1002", "not-utf-8", _ERROR),
@@ -74,6 +75,8 @@ RULES = rules(
     ("CDR3026", "ill-formed-parameter", _ERROR),
     ("CDR3027", "parameter-in-name", _ERROR),
     ("CDR3028", "parameter-outside-template", _ERROR),
+    ("CDR3030", "call-not-found", _WARNING),
+    ("CDR3031", "call-arguments", _WARNING),
     # Conditions
     ("CDR4001", "condition-syntax", _ERROR),
 )

@@ -7,7 +7,8 @@ import re
 from codra_dsl.load.nodes import Data
 from codra_dsl.units import MAX_MAGNITUDE
 
-SPECIAL_FIRST = frozenset("+-.0123456789~nNtTfF")
+_LETTERS = frozenset("~nNtTfF")
+SPECIAL_FIRST = frozenset("+-.0123456789") | _LETTERS | {""}
 """Every plain scalar that is no text begins with one of these, or is empty."""
 
 _WORDS: dict[str, Data] = {
@@ -30,8 +31,8 @@ def resolve(text: str) -> Data:
     Raises:
         OverflowError: if it is a number that is not finite or beyond MAX_MAGNITUDE.
     """
-    if text in _WORDS:
-        return _WORDS[text]
+    if text[:1] in _LETTERS or not text:
+        return _WORDS.get(text, text)
     if _INTEGER.fullmatch(text):
         return _limited(int(text)) if len(text) <= _MAX_DIGITS else _too_large()
     if _OTHER_BASE.fullmatch(text):

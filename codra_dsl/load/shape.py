@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
 
-from codra_dsl.diagnostics import Place
+from codra_dsl.diagnostics import Fix, Place, is_slip, replacing, surely_means
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.findings import Findings
-from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
+from codra_dsl.load.fixes import trap_fix, truth_meant, without_item, word_meant
+from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.origin import Subject, damaged_key
 from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
 from codra_dsl.units import duration_help
@@ -31,16 +32,7 @@ WHOLE_FILE = ""
 
 SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
 
-_OTHER_NAMES = {
-    "boolean": "bool",
-    "integer": "int",
-    "number": "float",
-    "double": "float",
-    "real": "float",
-    "string": "str",
-    "text": "str",
-    "enumeration": "enum",
-}
+_ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
 
 @cache
@@ -114,20 +106,38 @@ def _rename(mapping: MappingNode, meant: Mapping[str, str | None]) -> None:
 
 @cache
 def _acceptor(definition: str) -> jsonschema_rs.Draft202012Validator:
-    return jsonschema_rs.Draft202012Validator(_definition(definition))
+    return jsonschema_rs.Draft202012Validator(_definition(definition, _bare_schema()))
 
 
 @cache
 def _explainer(definition: str) -> Any:
     from jsonschema import Draft202012Validator  # noqa: PLC0415  slow to import; a sound spec never needs it
 
-    return Draft202012Validator(_definition(definition))
+    return Draft202012Validator(_definition(definition, schema()))
 
 
-def _definition(name: str) -> dict[str, Any]:
+def _definition(name: str, whole: dict[str, Any]) -> dict[str, Any]:
     if name == WHOLE_FILE:
-        return schema()
-    return {"$ref": f"#/$defs/{name}", "$defs": schema()["$defs"]}
+        return whole
+    return {"$ref": f"#/$defs/{name}", "$defs": whole["$defs"]}
+
+
+@cache
+def _bare_schema() -> dict[str, Any]:
+    return _bare(schema())
+
+
+def _bare(part: dict[str, Any]) -> dict[str, Any]:
+    """Return a schema without what is for people: an acceptor of it is made in a third of the time."""
+    bare: dict[str, Any] = {}
+    for keyword, value in part.items():
+        if keyword in ("properties", "$defs"):
+            bare[keyword] = {name: _bare(inner) for name, inner in value.items()}
+        elif keyword in ("anyOf", "allOf"):
+            bare[keyword] = [_bare(inner) for inner in value]
+        elif keyword not in _ANNOTATIONS:
+            bare[keyword] = _bare(value) if isinstance(value, dict) else value
+    return bare
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,6 +182,7 @@ class _Explanation:
         self._root = root
         self._findings = findings
         self._done: set[tuple[str | int, ...]] = set()
+        self._strange: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
 
     def unknown_keys(self, errors: Iterable[_Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
@@ -184,18 +195,23 @@ class _Explanation:
         return found
 
     def report(self, errors: Sequence[_Error]) -> None:
-        """Report the other errors."""
+        """Report the other errors, and the unknown keys that may be what is missing."""
         for error in errors:
             if error.keyword == "required":
                 self._missing(error)
+        for path, keys in self._strange.items():
+            for key, allowed in keys:
+                self._report_key(path, key, allowed)
         for error in errors:
             if error.keyword in ("required", "additionalProperties"):
                 continue
             if error.path:
                 self.damaged.add(damaged_key(error.path))
-            if self._is_new(error.path):
+            node = self._node(error.path)
+            is_emptied = isinstance(node, MappingNode) and node.unread
+            if self._is_new(error.path) and not is_emptied:
                 self._value(error)
-            self._node(error.path).reported = True
+            node.reported = True
 
     def _is_new(self, path: tuple[str | int, ...]) -> bool:
         """Return whether nothing has been said yet about a value or what holds it."""
@@ -231,6 +247,8 @@ class _Explanation:
                 return origin.of_value(holder.entries[str(path[length - 1])][0], node)
             if node.end > node.start:
                 return origin.of(node)
+            if isinstance(holder, SequenceNode) and not holder.flow:
+                return origin.place(node.start - 1, node.start)  # the dash
         return origin.of_value(self._subject.key, self._root)
 
     def _holder(self, path: tuple[str | int, ...]) -> str:
@@ -259,31 +277,44 @@ class _Explanation:
             if key in known or key in torn:
                 continue
             near = meant[key] = self._findings.nearest(key, free)
+            allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
+            fix = self._renaming(key_node, near, mapping.entries.keys() - known, free) if near else None
             free.pop(near or "", None)
             self._done.add((*error.path, near or key))
-            self._findings.add(
-                "unknown-key",
-                f"unknown key {shown(key_node.written)} in {self._holder(error.path)}",
-                self._subject.origin.of(key_node),
-                help=f"did you mean '{near}'?" if near else f"allowed: {', '.join(known)}",
-                path=self._subject.part(*error.path, key),
-            )
+            if near:
+                self._report_key(error.path, key_node, f"did you mean '{near}'?", fix)
+            else:
+                self._strange.setdefault(error.path, []).append((key_node, allowed))
         if torn or None in meant.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free)
         return meant
+
+    def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, way_out: str, fix: Fix | None = None) -> None:
+        message = f"unknown key {shown(key.written)} in {self._holder(path)}"
+        place, way = self._subject.origin.of(key), self._subject.part(*path, key.text)
+        self._findings.add("unknown-key", message, place, help=way_out, path=way, fix=fix)
+
+    def _renaming(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
+        """Return the fix of a misspelt key: safe where only one can be meant, and by no other key."""
+        alone = not any(is_slip(other, near) for other in strange if other != key.text)
+        safe = alone and surely_means(key.text, near, free)
+        return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
 
     def _missing(self, error: _Error) -> None:
         mapping = self._node(error.path)
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
-        for key in error.limit:
+        absent = [key for key in error.limit if key not in mapping.entries]
+        strange = self._strange.get(error.path, [])
+        for key in absent:
             path = (*error.path, key)
-            if key in mapping.entries:
-                continue
             self.damaged.add(damaged_key(path))
-            if path in self._done:
+            if path in self._done or mapping.unread:
                 continue
             self._done.add(path)
+            if len(strange) == len(absent) == 1:
+                self._report_key(error.path, strange.pop()[0], f"did you mean '{key}', which is missing?")
+                continue
             self._findings.add(
                 "missing-key",
                 f"{shown(key)} is missing in {self._holder(error.path)}",
@@ -313,7 +344,22 @@ class _Explanation:
             path = (*path, _second(error.data))
         rule, message, way_out = self._judged(error, self._node(path))
         place = self._place_of_name(path) if rule == "misplaced-key" else self._place(path)
-        self._findings.add(rule, message, place, help=way_out, path=self._subject.part(*error.path))
+        fix = self._fix(rule, error, path)
+        self._findings.add(rule, message, place, help=way_out, path=self._subject.part(*error.path), fix=fix)
+
+    def _fix(self, rule: str, error: _Error, path: tuple[str | int, ...]) -> Fix | None:
+        """Return the fix of a wrong value, where it is plain what is meant."""
+        node, holder = self._node(path), self._node(path[:-1])
+        if rule == "repeated-value" and isinstance(holder, SequenceNode):
+            return without_item(holder, int(path[-1]), self._subject.origin)
+        if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
+            return None
+        if rule == "unknown-value":
+            meant, safe = word_meant(node.text, _allowed(error.schema), self._findings)
+        else:
+            is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
+            meant, safe = (truth_meant(node.text) if is_truth else None), True
+        return None if meant is None else replacing(self._subject.origin.of(node), node.text, meant, safe=safe)
 
     def _judged(self, error: _Error, node: YamlNode) -> tuple[str, str, str]:
         """Return rule, message and way out for a value that is wrong."""
@@ -330,8 +376,8 @@ class _Explanation:
             return "wrong-length", message, example
         allowed = _allowed(error.schema)
         if allowed and isinstance(error.data, str):
-            near = _OTHER_NAMES.get(error.data.casefold()) or self._findings.nearest(error.data, allowed)
-            way_out = f"did you mean '{near}'?" if near in allowed else f"allowed: {', '.join(allowed)}"
+            near, _ = word_meant(error.data, allowed, self._findings)
+            way_out = f"did you mean '{near}'?" if near else f"allowed: {', '.join(allowed)}"
             return "unknown-value", f"{named} cannot be {shown(error.data)}", way_out
         if isinstance(node, ScalarNode) and not node.text:
             return "wrong-type", f"{named} has no value; it must be {title}", example
@@ -350,7 +396,8 @@ class _Explanation:
             return False
         origin = self._subject.origin
         path = self._subject.part(*error.path)
-        self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path)
+        fix = trap_fix(trap, origin.of(node))
+        self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path, fix=fix)
         return True
 
     def _trap_of(self, node: YamlNode, wanted: str) -> Trap | None:
@@ -388,7 +435,8 @@ class _Explanation:
         place = self._subject.origin.place(first.start, end)
         trap = torn_at_comma(self._subject.origin.source.text[first.start : end])
         if not first.reported:
-            self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part())
+            fix = trap_fix(trap, place)
+            self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part(), fix=fix)
         first.reported = True
 
 

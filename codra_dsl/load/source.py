@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 import stat
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
+from types import MappingProxyType
 
 from codra_dsl.diagnostics import Place, Span
 from codra_dsl.load.findings import Findings
@@ -61,8 +63,14 @@ def file_place(file: str) -> Place:
     return Place(Span(file, 1, 1, 1, 1))
 
 
-def read(path: Path, file: str, findings: Findings) -> Source | None:
-    """Return the text of a file, or None if it cannot be read as text."""
+AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
+"""No file differs from what is on disk."""
+
+
+def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
+    """Return the text of a file, from `texts` if it stands there, or None if it cannot be read as text."""
+    if file in texts:
+        return decode(texts[file], file, findings)
     try:
         if not stat.S_ISREG(path.stat().st_mode):
             findings.add("cannot-read", f"'{file}' is no file", file_place(file), help="name a file or a folder")

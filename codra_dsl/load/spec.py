@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import re
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from codra_dsl.collector import paused_collector
 from codra_dsl.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.expression.tokens import shown
+from codra_dsl.load.calls import Declared, check_calls
 from codra_dsl.load.document import SECTIONS, Document, read_document
 from codra_dsl.load.elements import Elements
 from codra_dsl.load.findings import Findings
@@ -19,7 +19,7 @@ from codra_dsl.load.nodes import ScalarNode
 from codra_dsl.load.origin import Origin
 from codra_dsl.load.parts import Parts
 from codra_dsl.load.reader import entries
-from codra_dsl.load.source import Source, accept, decode, file_place, read
+from codra_dsl.load.source import AS_ON_DISK, Source, accept, decode, file_place, read
 from codra_dsl.load.uses import Uses
 from codra_dsl.model import AnyName, Spec
 
@@ -29,30 +29,31 @@ Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
 """A spec and the findings about it, in file order; no spec where nothing sensible could be read."""
 
 
-def load_spec(path: Path, root: Path) -> Loaded:
+@paused_collector()
+def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -> Loaded:
     """Return the spec in a file, with its parts.
 
-    `root` is the project's folder: findings name files relative to it, and parts must stand in it.
+    `root` is the project's folder: findings name files relative to it, and parts must stand in it. `texts` has files,
+    named so, that are not read from disk.
     """
-    with _paused_collector():
-        findings = Findings()
-        file = _relative(path, root)
-        if file is None:
-            message = f"{shown(path.name)} stands outside of the project's folder {shown(root.name)}"
-            findings.add("outside-project", message, file_place(path.name), help="move it, or name another root")
-            return None, findings.all()
-        return _loaded(read(path, file, findings), path, root, findings)
+    findings = Findings()
+    file = _relative(path, root)
+    if file is None:
+        message = f"{shown(path.name)} stands outside of the project's folder {shown(root.name)}"
+        findings.add("outside-project", message, file_place(path.name), help="move it, or name another root")
+        return None, findings.all()
+    return _loaded(read(path, file, findings, texts), path, root, findings, texts)
 
 
+@paused_collector()
 def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
     """Return the spec in a text, with its parts; findings call the text `file`, `-` for standard input.
 
     `root` is the project's folder; from `-`, parts are looked for there.
     """
-    with _paused_collector():
-        findings = Findings()
-        source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
-        return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
+    findings = Findings()
+    source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
+    return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
 
 
 def _relative(path: Path, root: Path) -> str | None:
@@ -66,36 +67,20 @@ def _relative(path: Path, root: Path) -> str | None:
         return None
 
 
-@contextmanager
-def _paused_collector() -> Iterator[None]:
-    """Pause Python's cyclic garbage collector: while nodes are made, none of them is garbage.
-
-    What was made counts as old afterwards, so that the collector does not look through all of it at once.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            if gc.get_freeze_count() == 0:  # else it is the caller's business what is frozen
-                gc.freeze()
-                gc.unfreeze()
-            gc.enable()
-
-
-def _loaded(source: Source | None, path: Path, root: Path, findings: Findings) -> Loaded:
+def _loaded(
+    source: Source | None, path: Path, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
+) -> Loaded:
     document = None if source is None else read_document(source, findings)
     if document is None:
         return None, _told(findings)
     name = document.name
-    if name is None:
+    if name is None and not document.may_be_named:
         way_out = "name the spec that includes it, or give it a name"
         message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
         findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=way_out)
-    parts = Parts(root, findings)
+    parts = Parts(root, findings, texts)
     parts.read_all(document, path.resolve())
-    spec = _spec(document, name, parts, findings)
+    spec = _spec(document, name, parts, root, findings)
     return spec, _told(findings)
 
 
@@ -103,22 +88,22 @@ def _told(findings: Findings) -> tuple[Diagnostic, ...]:
     return in_file_order(once_per_template(findings.all()))
 
 
-def _spec(document: Document, name: ScalarNode | None, parts: Parts, findings: Findings) -> Spec | None:
+def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings) -> Spec | None:
     lost = frozenset[str]().union(*(part.lost for part in parts.documents))
     elements = Elements(findings)
     uses = Uses(findings, blind=bool(lost) or not parts.complete)
     modules = _modules(parts.documents)
-    for part in parts.documents:
-        uses.declare(part)
+    uses.declare(parts.documents)
     for part in parts.documents:
         origin = Origin(part.origin.source, module=modules[part.origin.source.file])
         for section in SECTIONS:
-            elements.add(section, part.root.value(section), origin)
+            elements.add(section, part.root.take(section), origin)  # its nodes are needed no more
     uses.make(parts.documents, modules, elements)
     uses.try_unused()
     elements.report_comments()
     if name is None:
         return None
+    modules_read = check_calls(elements.built["perception"].values(), _declared(elements), root, findings)
     damaged = _damaged(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
     if has_errors(findings.all()):
         damaged["spec"] = frozenset({name.text})
@@ -128,12 +113,19 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, findings: F
         place=document.origin.of(name),
         file=document.origin.source.file,
         files=tuple(part.origin.source.file for part in parts.documents),
+        modules=modules_read,
         **built,
         uses=tuple(uses.made),
+        templates=tuple(uses.declared()),
         origins=elements.origins,
         damaged=damaged,
         damaged_keys=elements.damaged_keys,
     )
+
+
+def _declared(elements: Elements) -> Declared:
+    resources, context = (frozenset(elements.built[section]) for section in ("resources", "context"))
+    return Declared(resources, context, elements.damaged_keys)
 
 
 def _damaged(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:

@@ -11,23 +11,24 @@ How a parameter may be used depends on where it stands:
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
 from codra_dsl.diagnostics import Place
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.document import SECTIONS
-from codra_dsl.load.findings import Findings, listed
+from codra_dsl.load.findings import Findings
 from codra_dsl.load.letters import cut, letters_of
 from codra_dsl.load.names import check_name, is_identifier
 from codra_dsl.load.nodes import Letters, MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.load.origin import Origin, Subject
-from codra_dsl.load.reader import entries
+from codra_dsl.load.parameters import MAX_PUT_RIGHT, PARAMETER, Meanings, put_right
+from codra_dsl.load.reader import entries, is_unread
 from codra_dsl.load.shape import explain, explain_outline, sound
 from codra_dsl.load.traps import Openings
+from codra_dsl.model import DeclaredTemplate, Literal, Reference
 from codra_dsl.model import Letters as PlacedLetters
-from codra_dsl.model import Literal
 from codra_dsl.units import parse_quantity
 
 DEFINITIONS = {
@@ -43,7 +44,7 @@ DEFINITIONS = {
 INSTANCE = "instance"
 """The parameter that every template has: the name of the use."""
 
-_PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_KNOWN = frozenset({"parameters", *SECTIONS})
 _SOLID = re.compile(r"[\w$).]")
 _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
@@ -128,10 +129,13 @@ class Template:
 
     Attributes:
         patterns: of the scalars with parameters, by the node's id.
+        used: the parameters that stand in them.
         touched: ids of all nodes that hold such a scalar.
         damaged: by (section, name as written) of elements that are wrong whatever a use says, the keys that cannot be
             read; those with a wrong parameter are marked as reported instead.
         size: how many keys and values it has.
+        is_lost: whether there may be elements of which nobody knows the names.
+        is_open: whether there may be parameters of which nobody knows the names.
     """
 
     subject: Subject
@@ -139,9 +143,12 @@ class Template:
     sections: Mapping[str, MappingNode]
     parameters: Mapping[str, Parameter]
     patterns: Mapping[int, Pattern]
+    used: frozenset[str]
     touched: frozenset[int]
     damaged: Mapping[tuple[str, str], frozenset[str]]
     size: int
+    is_lost: bool
+    is_open: bool
 
     @property
     def name(self) -> str:
@@ -149,31 +156,80 @@ class Template:
         return self.subject.name
 
 
-def declare(subject: Subject, node: MappingNode, findings: Findings) -> Template:
-    """Return a template as declared; what is wrong with it is reported here, once, however often it is used."""
+def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings: Findings) -> Template:
+    """Return a template as declared; what is wrong with it is reported here, once, however often it is used.
+
+    `given` has the names of all arguments in all of its uses.
+    """
     origin = Origin(subject.origin.source, None, subject.name)
     explain_outline("template", node, subject, findings)
     sections = {key: value for key in SECTIONS if isinstance(value := node.value(key), MappingNode)}
+    strange = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
     parameters = _parameters(subject, node, findings)
-    survey = _Survey(origin, parameters, findings)
+    unnamed = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
+    is_open = unnamed or ((strange or node.unread) and "parameters" not in node.entries)
+    meanings = Meanings(subject, origin, sections)
+    places = {name: parameter.place for name, parameter in parameters.items()}
+    meanings.settle(places, given, findings, is_open=is_open)
+    parameters = {meanings.renamed.get(name, name): parameter for name, parameter in parameters.items()}
+    survey = _Survey(origin, parameters, meanings.meant, findings)
     for section, elements in sections.items():
         survey.add(section, elements)
-    for name, parameter in parameters.items():
-        if name not in survey.used and name != INSTANCE and not parameter.key.reported:
-            message = f"the parameter {shown(name)} of {subject} is never used"
-            place = subject.origin.of(parameter.key)
-            path = subject.part("parameters", name)
-            findings.add("unused-parameter", message, place, help=f"remove it, or write $({name})", path=path)
+    lost = strange or node.unread or any(elements.unread for elements in sections.values())
+    if not (lost or survey.is_vague):
+        _report_unused(subject, parameters, survey.used | meanings.named, findings)
     return Template(
         subject=subject,
         origin=origin,
         sections=sections,
         parameters=parameters,
         patterns=survey.patterns,
+        used=frozenset(survey.used),
         touched=frozenset(survey.touched),
         damaged=survey.damaged,
         size=sum(1 for section in sections.values() for _ in scalars(section, lambda _: True)),
+        is_lost=lost,
+        is_open=is_open,
     )
+
+
+def _report_unused(
+    subject: Subject, parameters: Mapping[str, Parameter], used: Collection[str], findings: Findings
+) -> None:
+    for name, parameter in parameters.items():
+        if name not in used and name != INSTANCE and not parameter.key.reported:
+            message = f"the parameter {shown(name)} of {subject} is never used"
+            place = subject.origin.of(parameter.key)
+            path = subject.part("parameters", name)
+            findings.add("unused-parameter", message, place, help=f"remove it, or write $({name})", path=path)
+
+
+def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
+    """Return what a spec keeps of a template: what it declares and what it names outside of itself."""
+    return DeclaredTemplate(
+        name=template.name,
+        place=template.subject.origin.of(template.subject.key),
+        is_used=is_used,
+        parameters=tuple(
+            Reference(name=name, place=parameter.place)
+            for name, parameter in template.parameters.items()
+            if name != INSTANCE
+        ),
+        resources=tuple(_named(template.sections.get("perception"), "uses")),
+        sources=tuple(_named(template.sections.get("context"), "source")),
+    )
+
+
+def _named(elements: MappingNode | None, key: str) -> Iterator[str]:
+    """Yield the names that the elements of a section state under a key: one, a list of them, or keys of a mapping."""
+    for _, element in entries(elements):
+        stated = element.value(key) if isinstance(element, MappingNode) else None
+        if isinstance(stated, ScalarNode):
+            yield stated.text
+        elif isinstance(stated, SequenceNode):
+            yield from (item.text for item in stated.items if isinstance(item, ScalarNode))
+        elif isinstance(stated, MappingNode):
+            yield from stated.entries
 
 
 def fits(kind: ParameterKind, node: ScalarNode) -> bool:
@@ -244,29 +300,38 @@ def _parameter(subject: Subject, key: ScalarNode, value: YamlNode, findings: Fin
 
 
 class _Survey:
-    """Walks through a template's sections: checks their shape, and finds every parameter in them."""
+    """Walks through a template's sections: checks their shape, and finds every parameter in them.
 
-    def __init__(self, origin: Origin, parameters: Mapping[str, Parameter], findings: Findings) -> None:
+    Attributes:
+        is_vague: whether a parameter is named in such a way that it could be any.
+    """
+
+    def __init__(
+        self, origin: Origin, parameters: Mapping[str, Parameter], meant: Mapping[str, str], findings: Findings
+    ) -> None:
         self.patterns: dict[int, Pattern] = {}
         self.touched: set[int] = set()
         self.damaged: dict[tuple[str, str], frozenset[str]] = {}
         self.used: set[str] = set()
+        self.is_vague = False
         self._origin = origin
         self._parameters = parameters
+        self._meant = meant
         self._findings = findings
         self._path = ""
+        self._is_broken = False
 
     def add(self, section: str, elements: MappingNode) -> None:
         """Look at the elements of one section."""
         for key, node in elements.entries.values():
             subject = Subject(section, key, self._origin)
-            before = len(self._findings)
+            before, self._is_broken = len(self._findings), False
             if not sound(DEFINITIONS[section], node.data):
                 self.damaged[section, key.text] = explain(DEFINITIONS[section], node, subject, self._findings)
             self._path = subject.path
             if self._scalar(key, Position.NAME) | self._node(node, Position.VALUE, section):
                 self.touched.add(id(elements))
-            if len(self._findings) > before:
+            if len(self._findings) > before or self._is_broken:
                 self.damaged.setdefault((section, key.text), frozenset())
 
     def _node(self, node: YamlNode, position: Position, section: str) -> bool:
@@ -285,33 +350,45 @@ class _Survey:
         return any(holds)
 
     def _scalar(self, node: ScalarNode, position: Position) -> bool:
-        if "$(" not in node.text or node.reported:
+        text = node.text
+        if node.reported or not ("$(" in text or (")" in text and put_right(text, self._parameters))):
             return False
-        pattern = Pattern(_pieces(node, letters_of(node, self._origin.source.text), position), position)
+        letters = letters_of(node, self._origin.source.text)
+        for _ in range(MAX_PUT_RIGHT):
+            slip = put_right(text, self._parameters)
+            if slip is None or not self._may_slip(text, position):
+                break
+            self._report("ill-formed-parameter", slip.message, self._origin.of(node), f"write {slip.meant}")
+            text, letters = slip.text, ()
+        pattern = Pattern(_pieces(text, letters, position, self._meant), position)
         node.reported = True
         right = [self._is_right(node, pattern, index) for index in range(len(pattern.pieces))]
         if all(right):
             node.reported = False
             self.patterns[id(node)] = pattern
             self.touched.add(id(node))
+        self._is_broken |= node.reported
         return True
+
+    def _may_slip(self, text: str, position: Position) -> bool:
+        """Return whether a damaged parameter is surely one: in a condition and in prose, parentheses are common."""
+        return not text.startswith("(") or position not in (Position.CONDITION, Position.TEXT)
 
     def _is_right(self, node: ScalarNode, pattern: Pattern, index: int) -> bool:
         """Report what is wrong with one piece of a scalar."""
         piece = pattern.pieces[index]
         if not piece.parameter:
             if "$(" in piece.text:
+                self.is_vague = True
                 message, way_out = "'$(' begins no parameter", "write $(name), without blanks"
                 self._report("ill-formed-parameter", message, self._place(node, piece), way_out)
             return "$(" not in piece.text
         self.used.add(piece.parameter)
         parameter = self._parameters.get(piece.parameter)
-        if parameter is None:
-            near = self._findings.nearest(piece.parameter, self._parameters)
-            way_out = f"did you mean '{near}'?" if near else f"parameters are {listed(self._parameters)}"
-            message = f"unknown parameter {shown(piece.parameter)} in template {shown(self._origin.template)}"
-            self._report("unknown-parameter", message, self._place(node, piece), way_out)
+        if parameter is None:  # which has been reported
             return False
+        if parameter.key.reported and pattern.position is Position.CONDITION:
+            return False  # nobody knows what would stand there
         known = parameter.kind is not ParameterKind.IDENTIFIER and not parameter.key.reported
         if known and not _may_stand(pattern, index):
             message = f"{shown(piece.parameter)} is no identifier, so that it cannot be part of {shown(node.text)}"
@@ -339,17 +416,18 @@ def _position(position: Position, section: str, key: str) -> Position:
     return Position.TEXT if key in _TEXT_KEYS else Position.VALUE
 
 
-def _pieces(node: ScalarNode, letters: Letters, position: Position) -> tuple[Piece, ...]:
+def _pieces(text: str, letters: Letters, position: Position, meant: Mapping[str, str]) -> tuple[Piece, ...]:
+    """Return the pieces of a text, its parameters as they are meant."""
     pieces: list[Piece] = []
-    text, at = node.text, 0
-    for match in _PARAMETER.finditer(text):
+    at = 0
+    for match in PARAMETER.finditer(text):
         start, end = match.span()
         if start > at:
             pieces.append(Piece("", text[at:start], cut(letters, at, start, 0)))
         between = Openings(text[:start]).quote if position is Position.CONDITION else ""
         first = cut(letters, start, start + 1, 0)
         place = ((0, first[0][1], end - start),) if first and first[0][2] == 1 else ()
-        pieces.append(Piece(match["name"], match[0], place, between))
+        pieces.append(Piece(meant.get(match["name"], match["name"]), match[0], place, between))
         at = end
     if at < len(text):
         pieces.append(Piece("", text[at:], cut(letters, at, len(text), 0)))

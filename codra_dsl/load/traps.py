@@ -9,11 +9,18 @@ from codra_dsl.expression.tokens import shown
 
 @dataclass(frozen=True, slots=True)
 class Trap:
-    """What YAML made of a condition, and the cure."""
+    """What YAML made of a condition, and the cure.
+
+    Attributes:
+        cure: what to write in its place; empty where that depends on what is meant.
+        condition: the condition that YAML reads then.
+    """
 
     rule: str
     message: str
     help: str
+    cure: str = ""
+    condition: str = ""
 
 
 def quoted(text: str) -> str:
@@ -26,10 +33,19 @@ def _on_one_line(text: str) -> str:
     return " ".join(text.split())
 
 
+def _quoting(rule: str, message: str, written: str, what: str = "it") -> Trap:
+    """Return a trap whose cure is quotes around all that is written."""
+    way_out = f"put quotes around {what}: {quoted(written)}"
+    return Trap(rule, message, way_out, quoted(written), _on_one_line(written))
+
+
 def read_as_tag(tag: str, rest: str) -> Trap:
     """Return the trap of a condition that begins with `!`."""
     message = f"YAML reads {shown(tag)} as a tag, not as a negation"
-    return Trap("read-as-tag", message, f"write 'not {tag[1:]}{rest}'" if tag[1:] else "write 'not' instead of '!'")
+    if not tag[1:]:
+        return Trap("read-as-tag", message, "write 'not' instead of '!'")
+    cure = f"not {tag[1:]}"
+    return Trap("read-as-tag", message, f"write '{cure}{rest}'", cure, f"{cure}{rest}")
 
 
 def read_as_block(text: str) -> Trap:
@@ -44,7 +60,7 @@ def read_as_block(text: str) -> Trap:
 def read_as_quoted(first: str, rest: str, whole: str) -> Trap:
     """Return the trap of a condition that begins with a quoted text and goes on after it."""
     message = f"YAML takes {shown(first)} for the whole value and cannot read {shown(rest)} after it"
-    return Trap("read-as-quoted", message, f"put quotes around all of it: {quoted(whole)}")
+    return _quoting("read-as-quoted", message, whole, "all of it")
 
 
 def read_as_literal(written: str, what: str) -> Trap:
@@ -63,19 +79,19 @@ def read_as_list(written: str) -> Trap:
 def torn_at_comma(written: str) -> Trap:
     """Return the trap of a condition with a comma inside brackets or braces."""
     message = f"YAML tears {shown(written)} apart at its comma"
-    return Trap("torn-at-comma", message, f"put quotes around it: {quoted(written)}")
+    return _quoting("torn-at-comma", message, written)
 
 
 def torn_at_colon(written: str) -> Trap:
     """Return the trap of a condition with `: ` in it."""
     message = f"YAML reads {shown(written)} as a key and its value, not as one text"
-    return Trap("torn-at-colon", message, f"put quotes around it: {quoted(written)}")
+    return _quoting("torn-at-colon", message, written)
 
 
 def cut_off_by_comment(written: str) -> Trap:
     """Return the trap of a condition with ` #` in it."""
     message = f"YAML reads all after the ' #' in {shown(written)} as a comment"
-    return Trap("cut-off-by-comment", message, f"put quotes around it: {quoted(written)}")
+    return _quoting("cut-off-by-comment", message, written)
 
 
 class Openings:

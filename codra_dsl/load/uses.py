@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from codra_dsl.diagnostics import Place, Related, replacing, surely_means
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.arguments import Arguments, read_arguments
 from codra_dsl.load.document import Document
 from codra_dsl.load.elements import Elements, report_taken
 from codra_dsl.load.fill import Filler, example
 from codra_dsl.load.findings import Findings, listed
+from codra_dsl.load.misspelt import NO_WORDS, misspelt_declarations
 from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.reader import entries
 from codra_dsl.load.shape import explain, sound
-from codra_dsl.load.templates import Template, declare
-from codra_dsl.model import Use
+from codra_dsl.load.templates import Template, declare, declared
+from codra_dsl.model import DeclaredTemplate, Use
 
 MAX_FILLED = 1_500_000
 """How many values all uses of a spec may make."""
@@ -37,17 +39,46 @@ class Uses:
         self._blind = blind
         self._findings = findings
         self._templates: dict[str, Template] = {}
+        self._meant: dict[str, str] = {}
         self._taken: dict[tuple[str, str], Subject] = {}
         self._used: set[str] = set()
+        self._named: set[str] = set()
 
-    def declare(self, document: Document) -> None:
-        """Add the templates of a document."""
-        for subject, node in _entries(document, "templates"):
+    def declare(self, documents: Iterable[Document]) -> None:
+        """Add the templates of some documents."""
+        known = [entry for document in documents for entry in _entries(document, "templates")]
+        uses = _Named(use for document in documents for use in _entries(document, "use"))
+        self._meant = self._misspelt(known, uses)
+        names = {declared: used for used, declared in self._meant.items()}
+        for subject, node in known:
             if not isinstance(node, MappingNode):
                 explain("template", node, subject, self._findings)
                 self.complete, self._blind = False, True
             elif self._is_new(subject):
-                self._templates[subject.name] = declare(subject, node, self._findings)
+                given = uses.given(names.get(subject.name, subject.name))
+                template = declare(subject, node, given, self._findings)
+                self._templates[subject.name] = template
+                self.complete &= not template.is_lost
+
+    def _misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _Named) -> dict[str, str]:
+        """Report templates whose declaration is misspelt; return for names in uses the template that is meant."""
+        declared = {subject.name: subject for subject, _ in known}
+        unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
+        if not unknown or self._blind:
+            return {}
+        unused = [name for name in declared if name not in uses.places]
+        found = misspelt_declarations(unknown, unused, declared, NO_WORDS, self._findings.nearest)
+        for name, misspelt in found.items():
+            subject = declared[misspelt]
+            place = subject.origin.of(subject.key)
+            message = f"no use names {subject}, and there is no template {shown(name)}"
+            related = [Related(f"{shown(name)} is used here", each) for each in uses.places[name]]
+            fix = replacing(place, misspelt, name, safe=False)
+            way_out = f"did you mean '{name}'?"
+            self._findings.add(
+                "unknown-template", message, place, help=way_out, path=subject.path, related=related, fix=fix
+            )
+        return found
 
     def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
         """Add what the uses in some documents make; `modules` has the module of each instance."""
@@ -58,6 +89,7 @@ class Uses:
             if template is None:
                 self.complete = False
                 continue
+            self._named.add(template.name)
             known.append((subject, node, template))
             size += template.size
             if size > MAX_FILLED:
@@ -78,6 +110,11 @@ class Uses:
         self.made.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
         key = subject.origin.source.span(subject.key.start, subject.key.end)
         self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
+
+    def declared(self) -> Iterator[DeclaredTemplate]:
+        """Yield the templates as they are declared, in file order."""
+        for name, template in self._templates.items():
+            yield declared(template, is_used=name in self._named or not self.complete)
 
     def try_unused(self) -> None:
         """Fill each template that no use fills with examples, so that its mistakes are found all the same."""
@@ -101,14 +138,17 @@ class Uses:
             explain("template_use", node, subject, self._findings)
         if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
             return None
-        template = self._templates.get(name.text)
+        template = self._templates.get(self._meant.get(name.text, name.text))
         if template is None and not self._blind:
             near = self._findings.nearest(name.text, self._templates)
             known = f"templates are {listed(self._templates)}" if self._templates else "there are no templates"
             way_out = f"did you mean '{near}'?" if near else known
             message = f"unknown template {shown(name.text)} in {subject}"
             path = subject.part("template")
-            self._findings.add("unknown-template", message, subject.origin.of(name), help=way_out, path=path)
+            place = subject.origin.of(name)
+            safe = near in self._named and surely_means(name.text, near or "", self._templates)
+            fix = replacing(place, name.text, near, safe=safe) if near else None
+            self._findings.add("unknown-template", message, place, help=way_out, path=path, fix=fix)
         return template
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
@@ -119,6 +159,28 @@ class Uses:
         for section, mapping in sections.items():
             wrong = {name: keys for (of, name), keys in template.damaged.items() if of == section}
             elements.add(section, mapping, origin, wrong)
+
+
+class _Named:
+    """What uses name, before anything is known of templates.
+
+    Attributes:
+        places: of the uses of each template.
+    """
+
+    def __init__(self, uses: Iterable[tuple[Subject, YamlNode]]) -> None:
+        self.places: dict[str, list[Place]] = {}
+        self._given: dict[str, list[str]] = {}
+        for subject, node in uses:
+            name = node.value("template") if isinstance(node, MappingNode) else None
+            if isinstance(name, ScalarNode) and isinstance(name.data, str) and not name.reported:
+                self.places.setdefault(name.text, []).append(subject.origin.of(name))
+                given = self._given.setdefault(name.text, [])
+                given.extend(key.text for key, value in entries(node) if value is not name)
+
+    def given(self, template: str) -> list[str]:
+        """Return the names of all arguments in all uses of a template."""
+        return self._given.get(template, [])
 
 
 def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:

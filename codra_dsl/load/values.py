@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode, visible_range
@@ -10,6 +11,7 @@ from codra_dsl.load.reader import Reader
 from codra_dsl.model import Kind, Literal, Places, ValueType
 from codra_dsl.units import Unit, convert, parse_quantity, parse_unit, units_help
 
+_KINDS = {kind.value: kind for kind in Kind}
 _TYPE_KEYS = ("type", "unit", "range", "values")
 _RANGE_HELP = "write numbers that 'unit' applies to, or numbers with a unit of the same kind"
 _LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
@@ -17,23 +19,27 @@ _LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%
 
 def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
     """Return the type that a mapping with `type`, `unit`, `range` and `values` states, as far as it can be read."""
-    present = {key: node.entries[key] for key in _TYPE_KEYS if key in node.entries}
-    kind = node.value("type")
-    unit = _read_unit(reader, present.get("unit"), *steps)
-    range_read = _read_range(reader, present.get("range"), unit, *steps)
-    known = isinstance(kind, ScalarNode) and kind.text in tuple(Kind)
-    if not known:
+    present = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
+    written = node.value("type")
+    kind = _KINDS.get(written.text) if isinstance(written, ScalarNode) else None
+    unit = _read_unit(reader, present["unit"], *steps) if "unit" in present else None
+    range_read = _read_range(reader, present["range"], unit, *steps) if "range" in present else None
+    if kind is None:
         reader.damage(*steps, "type")
+    if node.unread:
+        reader.damage(*steps)
     for key, (_, value) in present.items():
-        items = value.items if isinstance(value, SequenceNode) else []
-        if value.reported or any(item.reported for item in items):
+        if value.reported or (isinstance(value, SequenceNode) and any(item.reported for item in value.items)):
             reader.damage(*steps, key)
+    ranges = {key: visible_range(*entry) for key, entry in present.items()}
+    if "values" in present:
+        ranges.update((f"values.{item.text}", (item.start, item.end)) for item in _members(present["values"]))
     return ValueType(
-        kind=Kind(kind.text) if isinstance(kind, ScalarNode) and known else Kind.BOOL,
+        kind=Kind.BOOL if kind is None else kind,
         unit=None if unit is None else unit[0],
         range=range_read,
-        values=_read_members(present.get("values")),
-        places=Places(reader.origin.place, {key: visible_range(*entry) for key, entry in present.items()}),
+        values=tuple(item.text for item in _members(present["values"])) if "values" in present else (),
+        places=Places(reader.place_of, ranges),
     )
 
 
@@ -53,15 +59,14 @@ def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
         return quantity.si
     like = _LIKE_QUANTITY.fullmatch(node.text)
     if like is not None and parse_unit(like[1]) is None:
-        way_out = f"{units_help(like[1])} Quote it if it is a text"
+        near = units_help(like[1])
+        way_out = f"{near}{' ' if near.endswith('?') else '. '}Quote it if it is a text"
         reader.fail("unit", f"unknown unit {shown(like[1])} in {shown(node.text)}", node, way_out, *steps)
     return node.text
 
 
-def _read_unit(
-    reader: Reader, entry: tuple[ScalarNode, YamlNode] | None, *steps: str
-) -> tuple[str, Unit | None] | None:
-    if entry is None or not isinstance(entry[1], ScalarNode) or entry[1].reported:
+def _read_unit(reader: Reader, entry: tuple[ScalarNode, YamlNode], *steps: str) -> tuple[str, Unit | None] | None:
+    if not isinstance(entry[1], ScalarNode) or entry[1].reported:
         return None
     text = entry[1].text
     unit = parse_unit(text)
@@ -71,26 +76,27 @@ def _read_unit(
 
 
 def _read_range(
-    reader: Reader, entry: tuple[ScalarNode, YamlNode] | None, unit: tuple[str, Unit | None] | None, *steps: str
+    reader: Reader, entry: tuple[ScalarNode, YamlNode], unit: tuple[str, Unit | None] | None, *steps: str
 ) -> tuple[float, float] | None:
-    if entry is None or not isinstance(entry[1], SequenceNode) or entry[1].reported:
+    if not isinstance(entry[1], SequenceNode) or entry[1].reported:
         return None
     if any(item.reported for item in entry[1].items):
         reader.damage(*steps, "range")
         return None
-    ends = [_read_end(item, unit) for item in entry[1].items]
+    read = (_read_end(item, unit) for item in entry[1].items)
+    ends = [end for end in read if end is not None]
     if unit is not None and unit[1] is None:
         return None
+    if len(ends) == 2 and ends[0] <= ends[1]:
+        return ends[0], ends[1]
     place, written = reader.origin.of_value(*entry), reader.origin.written(entry[1])
-    if None in ends:
+    if len(ends) < 2:
         wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
         reader.fail("range", f"the range {shown(written)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
         return None
-    low, high = (end for end in ends if end is not None)
-    if low > high:
-        message = f"the range {shown(written)} ends before it begins"
-        reader.fail("range", message, place, "write the smaller number first", *steps, "range")
-    return low, high
+    message = f"the range {shown(written)} ends before it begins"
+    reader.fail("range", message, place, "write the smaller number first", *steps, "range")
+    return ends[0], ends[1]
 
 
 def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
@@ -106,7 +112,6 @@ def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | N
     return convert(quantity.value, quantity.unit, stated)
 
 
-def _read_members(entry: tuple[ScalarNode, YamlNode] | None) -> tuple[str, ...]:
-    if entry is None or not isinstance(entry[1], SequenceNode):
-        return ()
-    return tuple(item.text for item in entry[1].items if isinstance(item, ScalarNode))
+def _members(entry: tuple[ScalarNode, YamlNode]) -> Iterable[ScalarNode]:
+    items = entry[1].items if isinstance(entry[1], SequenceNode) else ()
+    return (item for item in items if isinstance(item, ScalarNode))

@@ -7,11 +7,13 @@ character.
 from __future__ import annotations
 
 import json
+import re
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from codra_dsl.diagnostics import Diagnostic, Place, Related, Severity, Span
+from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
 
 Sources = Callable[[str], str | None]
 """The text of a file by its path in findings; None where it cannot be had."""
@@ -22,6 +24,8 @@ _CROPPED = "..."
 _WIDEST = 200
 _MARGIN = 60
 _WIDE = ("W", "F")
+_HALF_A_PAIR = re.compile("[\ud800-\udfff]")
+_NOT_ASCII = re.compile("[^\x00-\x7f]+")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +57,37 @@ def render_full(diagnostics: Iterable[Diagnostic], sources: Sources, palette: Pa
 
 
 def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) -> str:
-    """Return findings one a line: place, severity, code, message, way out."""
-    return "".join(f"{_headline(found, palette)}{_in_brackets(found.help)}\n" for found in diagnostics)
+    """Return findings one a line: place, severity, code, message, way out, and where templates are used."""
+    return "".join(f"{_headline(found, palette)}{_in_brackets(way_out(found))}\n" for found in diagnostics)
 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
     """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
-    return "".join(json.dumps(_object(found)) + "\n" for found in diagnostics)
+    seen: Counter[str] = Counter()
+    lines = []
+    for found in diagnostics:
+        seen[found.fingerprint] += 1
+        number = seen[found.fingerprint]
+        fingerprint = found.fingerprint if number == 1 else f"{found.fingerprint}:{number}"
+        lines.append(as_json({**_object(found), "fingerprint": fingerprint}) + "\n")
+    return "".join(lines)
+
+
+def as_json(value: object, indent: int | None = None) -> str:
+    """Return JSON in ASCII letters; half a surrogate pair, which a reader of JSON may refuse, is replaced.
+
+    Nothing in it is a command of GitHub's runner, should it go to a log.
+    """
+    text = _HALF_A_PAIR.sub(_REPLACEMENT, json.dumps(value, ensure_ascii=False, indent=indent))
+    text = text.replace("##[", r"##\u005b")
+    return _NOT_ASCII.sub(lambda letters: json.dumps(letters[0])[1:-1], text)  # outside strings JSON is ASCII
+
+
+def way_out(found: Diagnostic) -> str:
+    """Return on one line how to be rid of a finding and, of one in a template's text, which use gives it."""
+    uses = list(dict.fromkeys(each.place.use for each in (found, *found.each_use) if each.place.use is not None))
+    used = [f"used at {_shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
+    return "; ".join([*([found.help] if found.help else []), *used])
 
 
 def related_places(found: Diagnostic) -> tuple[Related, ...]:
@@ -114,8 +142,15 @@ def _object(found: Diagnostic) -> dict[str, object]:
         "path": found.path,
         "help": found.help,
         "related": related,
-        "fingerprint": found.fingerprint,
+        "fix": _fix(found.fix),
     }
+
+
+def _fix(fix: Fix | None) -> dict[str, object] | None:
+    if fix is None:
+        return None
+    edits = [{**_range(edit.span), "text": edit.text} for edit in fix.edits]
+    return {"message": fix.message, "applicability": fix.applicability.value, "edits": edits}
 
 
 def _range(span: Span) -> dict[str, object]:
@@ -160,6 +195,11 @@ def _marked(line: str, span: Span) -> tuple[str, int, int]:
 def visible(text: str) -> str:
     """Return text as it can be shown on one line: tabs as blanks, and no control, format or surrogate character."""
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
+
+
+def visible_lines(text: str) -> str:
+    """Return text as it can be shown, line by line."""
+    return "\n".join(map(visible, text.split("\n")))
 
 
 def _columns(text: str) -> int:

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+from codra_dsl.runtime.agents import Agent, NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, UnknownValueError
 from codra_dsl.runtime.clock import Clock, SimClock, WallClock
 from codra_dsl.runtime.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
-from codra_dsl.runtime.journal import Record
+from codra_dsl.runtime.journal import Event, Kind, Record
+from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.why import Why
 
 __all__ = [
+    "Agent",
     "CallError",
     "Clock",
     "ContextManager",
     "ContextModel",
+    "Event",
     "Job",
+    "Journal",
+    "Kind",
+    "NotASourceError",
     "NotDeclaredError",
     "NotOfTypeError",
     "Reading",
@@ -25,4 +33,5 @@ __all__ = [
     "UnknownNameError",
     "UnknownValueError",
     "WallClock",
+    "Why",
 ]

@@ -98,6 +98,7 @@ class Accept(Behaviour):
         super().__init__(name)
         self._term = term
         self._branch = branch
+        branch.accepts.append((name, term))
 
     def update(self) -> Status:
         """Fail when the result is not certainly good enough."""
@@ -116,6 +117,7 @@ class Identify(Behaviour):
         self._term = term
         self._branch = branch
         branch.identifies.append(variable)
+        branch.tells[variable] = term
 
     def update(self) -> Status:
         """Succeed in any case: a value that the result does not tell is rejected for this variable alone."""

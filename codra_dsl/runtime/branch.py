@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.evidence import Present, held
-from codra_dsl.runtime.journal import Scribe
+from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
 from codra_dsl.runtime.perception import Attempt, Failure, Interval, Perception, Result, State
 from codra_dsl.runtime.setbacks import Setback
@@ -58,12 +58,15 @@ class Branch:
         self.algorithm = algorithm
         self.observer = observer
         self.identifies: list[str] = []
+        self.tells: dict[str, Term] = {}
+        self.accepts: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
         self.rivals: tuple[Branch, ...] = (self,)
         self.result: Result | None = None
         self._attempt: Attempt | None = None
         self._pinned_s: float | None = None
         self._interval = Interval(0.0, 0.0)
+        self._index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
         self._untold: set[str] = set()
@@ -154,6 +157,7 @@ class Branch:
         if attempt is None or attempt.start_s is None:
             return False
         self._interval = attempt.evidence(self.observer.now_s) or Interval(attempt.start_s)
+        self._index = attempt.index
         if isinstance(attempt.outcome, Result):
             self.result, self._untold = attempt.outcome, set()
             return True
@@ -175,7 +179,7 @@ class Branch:
 
     def reject(self, condition: str) -> None:
         """Note that a refinement does not hold for the result (P1, Figure 4: refine the result)."""
-        self._set_back(self.identifies, Reason.REJECTED, f"not {condition}", self._stamp_s())
+        self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
 
     def identify(self, variable: str, term: Term) -> bool:
         """Give a variable its value from the result (P1, Equation 6); return whether it has one."""
@@ -183,10 +187,10 @@ class Branch:
         try:
             content = None if found is None else self.observer.surroundings.variables[variable].type.convert(found)
         except NotOfTypeError as error:
-            self._set_back((variable,), Reason.FAILED, str(error), self._stamp_s())
+            self._refuse((variable,), Reason.FAILED, str(error))
             return False
         if content is None:
-            self._set_back((variable,), Reason.REJECTED, "the result does not tell", self._stamp_s())
+            self._refuse((variable,), Reason.REJECTED, "the result does not tell")
             return False
         return self.observer.write(variable, content, self.algorithm.name, self._interval.start_s, self._stamp_s())
 
@@ -221,6 +225,12 @@ class Branch:
 
     def _stamp_s(self) -> float:
         return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
+
+    def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
+        """Note that a result brings some variables no value, and tell the record, whatever becomes of the variables."""
+        about = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
+        self.observer.surroundings.scribe.tell(Kind.JOB, self.algorithm.name, "rejected", **about)
+        self._set_back(variables, reason, detail, self._stamp_s())
 
     def _set_back(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
         for variable in variables:

@@ -19,7 +19,6 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from typing import TypeVar
 
 Outcome = TypeVar("Outcome")
@@ -28,6 +27,9 @@ _LOGGER = logging.getLogger(__name__)
 
 _LONGEST_WAIT_S = 3600.0
 """The dispatcher looks at its events at least this often."""
+
+PUNCTUAL_S = 0.01
+"""An event that begins no later than this after its time happens, for all that it changes, at its time."""
 
 
 class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
@@ -328,23 +330,57 @@ class WallClock(Clock):
 
 
 class LockedClock(Clock):
-    """A clock whose events run while a lock is held; work itself runs without it."""
+    """A clock whose events run while a lock is held; work itself runs without it.
 
-    def __init__(self, clock: Clock, lock: AbstractContextManager[object]) -> None:
+    Whoever changes something does it in a step: `with clock:`, or an event. Within a step time stands still, so that
+    what happens in it follows from its instant and from the steps before it, and from nothing else: that makes a run
+    in real time as repeatable as one in simulated time, from its journal.
+
+    Attributes:
+        steps: how many events have happened.
+        is_late: called when an event happens at an instant of its own, because its time was over long before.
+    """
+
+    def __init__(self, clock: Clock, lock: threading.RLock) -> None:
+        self.steps = 0
+        self.is_late: Callable[[], None] = _nothing
         self._clock = clock
         self._lock = lock
+        self._timers: list[tuple[float, int, Timer]] = []
+        self._scheduled = 0
+        self._depth = 0
+        self._stepping: int | None = None
+        self._instant_s = -math.inf
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+        if not self._depth:
+            self._begin(self._clock.now_s())
+        self._depth += 1
+
+    def __exit__(self, *_: object) -> None:
+        self._depth -= 1
+        if not self._depth:
+            self._stepping = None
+        self._lock.release()
 
     def now_s(self) -> float:
-        """Return the present instant."""
-        return self._clock.now_s()
+        """Return the present instant; within a step that of its beginning."""
+        is_within = self._stepping is not None and self._stepping == threading.get_ident()
+        return self._instant_s if is_within else self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""
         self._clock.sleep(duration_s)
 
     def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
-        """Schedule an event that runs under the lock."""
-        return self._clock.call_at(instant_s, lambda: self._run(callback))
+        """Schedule an event that runs under the lock; whoever schedules it holds the lock."""
+        timer = Timer(max(instant_s, self.now_s()), callback)
+        if instant_s < math.inf:
+            heapq.heappush(self._timers, (timer.instant_s, self._scheduled, timer))
+            self._scheduled += 1
+            self._clock.call_at(timer.instant_s, self._run_next)
+        return timer
 
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
         """Let time pass until `ready()` holds; `ready` must not take the lock."""
@@ -355,12 +391,34 @@ class LockedClock(Clock):
         self._clock.notify()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Start a piece of work whose outcome is delivered under the lock."""
-        return self._clock.start(run, lambda outcome: self._run(lambda: deliver(outcome)))
+        """Start a piece of work whose outcome is delivered in a step."""
 
-    def _run(self, callback: Callable[[], None]) -> None:
+        def deliver_in_step(outcome: Outcome) -> None:
+            with self:
+                deliver(outcome)
+
+        return self._clock.start(run, deliver_in_step)
+
+    def _begin(self, instant_s: float) -> None:
+        self._instant_s = max(self._instant_s, instant_s)
+        self._stepping = threading.get_ident()
+
+    def _run_next(self) -> None:
+        """Run the event that is first by now; it is on time unless much time has passed."""
         with self._lock:
-            callback()
+            instant_s, _, timer = heapq.heappop(self._timers)
+            now_s = self._clock.now_s()
+            is_late = now_s > instant_s + PUNCTUAL_S
+            self._begin(now_s if is_late else instant_s)
+            self._depth += 1
+            try:
+                if is_late:
+                    self.is_late()
+                self.steps += 1
+                timer.fire()
+            finally:
+                self._depth -= 1
+                self._stepping = None
 
 
 def _never() -> bool:

@@ -7,35 +7,35 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import Any, Generic, Self, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
-from codra_dsl.runtime.declarations import Declarations
+from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.forest import Forest
-from codra_dsl.runtime.journal import Kind, Record, Scribe
-from codra_dsl.runtime.model import ContextModel, NotOfTypeError, SkillModel, VariableModel
+from codra_dsl.runtime.inputs import MAIN, OBSERVER, Inputs, NotDeclaredError
+from codra_dsl.runtime.journal import Record, Scribe
+from codra_dsl.runtime.journal.head import Head
+from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.observer import Observer
-from codra_dsl.runtime.perception import Perception
-from codra_dsl.runtime.slots import MAIN_EXECUTION, Slots
+from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
+from codra_dsl.runtime.perception import CallError, Function, Perception, imported
+from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
+from codra_dsl.runtime.why import Why, explain
 
 VariableName = TypeVar("VariableName", bound=str)
 SkillName = TypeVar("SkillName", bound=str)
 Answer = TypeVar("Answer")
 
-MAIN = "main_execution"
-_EXPECTED = "expected"
+__all__ = ["MAIN", "Answer", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
 
 
 class UnknownNameError(LookupError):
     """A name that the spec does not declare."""
-
-
-class NotDeclaredError(PermissionError):
-    """The main execution wrote a variable that is not its own and that it has not declared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +55,14 @@ class _Surroundings:
 class Skill:
     """A skill under way: what it previews and monitors is declared until it ends."""
 
-    def __init__(self, model: SkillModel, invalidate: Callable[[SkillModel], None]) -> None:
+    def __init__(self, model: SkillModel, act: Callable[[str], None]) -> None:
         self.model = model
-        self._invalidate = invalidate
+        self._act = act
 
     @contextmanager
     def acting(self) -> Iterator[None]:
         """Act: from here what the skill changes is unknown, and only evidence that is newer counts."""
-        self._invalidate(self.model)
+        self._act(self.model.name)
         yield
 
 
@@ -80,6 +80,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         resources: Mapping[str, object],
         seed: int = 0,
         record: Record | None = None,
+        find: Callable[[Algorithm], Function] = imported,
     ) -> None:
         """Build the forest; nothing runs before something is declared.
 
@@ -89,27 +90,41 @@ class ContextManager(Generic[VariableName, SkillName]):
             resources: the handle of each resource without slots, by name.
             seed: of the chance that jobs see as `job.random`.
             record: takes every change; by default one of its own.
+            find: returns the perception function of an algorithm; by default the one that its `call` names.
 
         Raises:
-            CallError: if a perception function cannot be imported or a handle is missing.
+            CallError: if a perception function cannot be imported, or a handle is missing or of no use.
         """
+        _check_handles(model, resources)
         self.record = Record() if record is None else record
+        self._name = model.name
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
-        self._scribe = Scribe(self.record, self._clock)
+        self._scribe = Scribe(self.record, self._clock, lambda: self._clock.steps)
+        self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
         self._store = Store(model.variables, self._clock, self._scribe, self._changed)
         self._slots = Slots(self._clock, {resource.name: resource for resource in model.resources})
-        self._perception = Perception(self._clock, self._slots, resources, seed, self._scribe)
+        self._perception = Perception(
+            clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
+        )
         cells, variables = self._store.cells, self._store.variables
         surroundings = _Surroundings(cells, variables, self._perception, self._scribe, self._clock)
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
         for observer in self._forest.observers.values():
             for branch in observer.branches:
                 self._perception.prepare(branch.algorithm)
-        self._declarations = Declarations(self._enter, self._leave)
-        self._expected: list[str] = []
-        self._skills_begun = 0
+        self.inputs = Inputs(
+            clock=self._clock,
+            scribe=self._scribe,
+            store=self._store,
+            forest=self._forest,
+            slots=self._slots,
+            skills=self._skills,
+            explain=self._explained,
+        )
+        self._closed = False
+        self.record.begin(lambda: self._head(seed))
 
     def __enter__(self) -> Self:
         return self
@@ -118,11 +133,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.close()
 
     def close(self) -> None:
-        """Withdraw everything, stop all observers and cancel their jobs."""
-        with self._lock:
-            self._expected.clear()
-            for holder in self._declarations.holders():
-                self._declarations.hold(holder, ())
+        """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more."""
+        with self._clock:
+            if not self._closed:
+                self._closed = True
+                self.inputs.close()
+                self.record.end()
 
     # What the main execution declares (P1, Equation 4)
 
@@ -135,41 +151,38 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Raises:
             NotOfTypeError: if the value is not what the spec declares; then the variable is not declared.
+            RuntimeError: if the context manager is closed.
         """
+        self._check_open()
         model = self._model(name)
         content = None if value is None else model.type.convert(value)
-        with self._lock:
-            self._declarations.hold(MAIN, (*self._declarations.of(MAIN), name))
+        with self._clock:
+            self.inputs.declare(name)
             if value is not None:
-                self._write(name, content, self._clock.now_s())
+                self.inputs.write(name, content, MAIN, None)
 
     def withdraw(self, name: VariableName) -> None:
         """Take back what `declare` said; what a skill declares stays declared."""
         self._model(name)
-        with self._lock:
-            self._declarations.hold(MAIN, (other for other in self._declarations.of(MAIN) if other != name))
+        self.inputs.withdraw(name)
 
     def expect(self, *skills: SkillName) -> None:
         """Say which skills come next: what each previews is declared until it begins or others are expected."""
+        self._check_open()
         for name in skills:
             self._skill(name)
-        with self._lock:
-            self._hold_expected(skills)
+        self.inputs.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
         """Run a skill: what it previews and monitors is declared until it ends; its expectation is fulfilled."""
+        self._check_open()
         model = self._skill(name)
-        with self._lock:
-            self._skills_begun += 1
-            holder = f"skill {name} {self._skills_begun}"
-            self._declarations.hold(holder, (*model.preview, *model.monitor))
-            self._hold_expected([other for other in self._expected if other != name])
+        number = self.inputs.begin(name)
         try:
-            yield Skill(model, self._invalidate)
+            yield Skill(model, self.inputs.act)
         finally:
-            with self._lock:
-                self._declarations.hold(holder, ())
+            self.inputs.finish(number)
 
     def modelled(self) -> tuple[str, ...]:
         """Return C_M, all variables of the spec (P1, Equation 3)."""
@@ -178,7 +191,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     def declared(self) -> frozenset[str]:
         """Return C_E(t), what the main execution declares now."""
         with self._lock:
-            return self._declarations.names()
+            return self.inputs.declarations.names()
 
     def running(self) -> frozenset[str]:
         """Return the names of the observers that run now."""
@@ -189,27 +202,70 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Return C_M(t), what is declared or needed by a running observer (P1, Equation 8)."""
         with self._lock:
             needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
-            return self._declarations.names() | needed
+            return self.inputs.declarations.names() | needed
 
     # What is known
 
     def get(self, name: VariableName) -> Reading[Any]:
-        """Return what is known of a variable now; it never waits."""
-        return self._reading(name)
+        """Return what is known of a variable now; it never waits.
 
-    def set(self, name: VariableName, value: object) -> None:
-        """Write a variable as the main execution, with evidence of this instant.
+        Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
+        """
+        reading = self._reading(name)
+        return reading if reading.reason is None else self._explained(reading)
 
-        Raises:
-            NotDeclaredError: if others identify it and it is not declared.
-            NotOfTypeError: if the value is not what the spec declares.
+    def obstacle(self, name: VariableName) -> str:
+        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
+
+        It is the first condition that does not hold, of each algorithm if there are alternatives, or that the observer
+        does not run, or whose the variable is to write if none observes it.
         """
         model = self._model(name)
-        content = model.type.convert(value)
-        with self._lock:
-            if not self._may_write(name):
-                raise NotDeclaredError(f"{name!r} is for {', '.join(model.sources)} to write: declare it first")
-            self._write(name, content, self._clock.now_s())
+        obstacle = self._forest.obstacle(name)
+        return f"for {' or '.join(model.sources)} to write" if obstacle is None else obstacle
+
+    def why(self, name: VariableName, *, at_s: float | None = None) -> Why:
+        """Return why a variable is what it is: from its value to the evidence, or from unknown to what is missing.
+
+        Args:
+            name: the variable.
+            at_s: an instant of the past that the record still holds; now, if None.
+
+        Raises:
+            ValueError: if the instant lies in the future, or before what the record holds.
+        """
+        self._model(name)
+        with self._clock:
+            now_s, record = self._clock.now_s(), self.record.copy()
+        if at_s is not None and not at_s <= now_s:
+            raise ValueError(f"it is {now_s} now: what is at {at_s} is not known yet")
+        return explain(self._outlined(), record.ledger, name, now_s if at_s is None else at_s)
+
+    def set(self, name: VariableName, value: object, *, evidence_s: float | None = None) -> None:
+        """Write a variable as the main execution.
+
+        Args:
+            name: the variable.
+            value: what the main execution knows of it.
+            evidence_s: when the evidence was taken; now, if None. A value with newer evidence stays.
+
+        Raises:
+            NotDeclaredError: if it is for others to write and is not declared.
+            NotOfTypeError: if the value is not what the spec declares.
+            ValueError: if the evidence lies in the future.
+        """
+        self._write_as(name, value, MAIN, evidence_s)
+
+    def agent(self, name: str) -> Agent[VariableName]:
+        """Return the handle by which an outside writer writes the variables that name it as `source`.
+
+        Raises:
+            UnknownNameError: if no variable does.
+        """
+        names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
+        if name not in names:
+            raise _unknown("variable whose source is", name, sorted(names))
+        return Agent(name, self._write_as)
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
         """Return the kept readings of a variable, by the instant of their evidence."""
@@ -231,8 +287,8 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Args:
             name: the variable that the decision needs.
-            otherwise: looks as the robot did without observers. What it finds is kept as evidence, if it is a value of
-                the variable and the main execution may write that.
+            otherwise: looks as the robot did without observers. It returns a value of the variable, or None if it found
+                none. What it finds is kept as evidence if the main execution may `set` the variable.
             max_age_s: evidence that is older does not do.
             since_s: evidence that began to be taken before this instant does not do, e.g. before an action ended.
             wait_up_to_s: how long to wait for observers before falling back.
@@ -241,34 +297,31 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Returns:
             The value from context, or what `otherwise` returned.
+
+        Raises:
+            NotOfTypeError: if `otherwise` returns what is no value of the variable.
         """
-        self._model(name)
-        asked_s = self._clock.now_s()
-        reading = self._reading(name)
-
-        def answered() -> bool:
-            nonlocal reading
-            reading = self._reading(name)
-            is_new = reading.start_s >= since_s and reading.age_s(self._clock.now_s()) <= max_age_s
-            return reading.known and is_new
-
-        known = answered() or (wait_up_to_s > 0 and self._clock.wait_until(answered, wait_up_to_s))
-        if known and not shadow:
-            self._decided(name, "answered", asked_s, reading)
-            return reading.value
-        before, looked_s = reading, self._clock.now_s()
+        model = self._model(name)
+        demand = Demand(
+            variable=name,
+            max_age_s=float(max_age_s),
+            since_s=float(since_s),
+            wait_up_to_s=float(wait_up_to_s),
+            shadow=shadow,
+        )
+        decision = self.inputs.ask(demand)
+        if not decision.met and wait_up_to_s > 0:
+            self._clock.wait_until(lambda: demand.is_met(self._reading(name), self._clock.now_s()), wait_up_to_s)
+            self.inputs.resume(decision)
+        if decision.is_answered:
+            return decision.reading.content
         try:
             found = otherwise()
+            content = None if found is None else model.type.convert(found)
         except BaseException as error:
-            self._decided(name, "fell_back", asked_s, before, raised=type(error).__name__)
+            self.inputs.conclude(decision, None, raised=type(error).__name__)
             raise
-        content = self._content(name, found)
-        if known:
-            self._decided(name, "shadowed", asked_s, before, agrees=content == before.content)
-        else:
-            self._decided(name, "fell_back", asked_s, before, found=content)
-        if not shadow:
-            self._keep(name, content, looked_s)
+        self.inputs.conclude(decision, content)
         return found
 
     @contextmanager
@@ -278,35 +331,68 @@ class ContextManager(Generic[VariableName, SkillName]):
         It waits for the job that has the slot, for the longest timeout of those at most.
 
         Raises:
-            UnknownNameError: if the spec has no such resource.
+            UnknownNameError: if the spec has no such resource, or one without slots.
             RuntimeError: if the clock was closed before the slots were free.
         """
         for resource in resources:
             if resource not in self._slots.resources:
                 raise _unknown("resource", resource, self._slots.resources)
+            if self._slots.resources[resource] == math.inf:
+                raise UnknownNameError(
+                    f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
+                )
         granted = threading.Event()
 
         def grant() -> None:
             granted.set()
             self._clock.notify()
 
-        with self._lock:
-            ticket = self._slots.request(resources, MAIN_EXECUTION, grant)
+        number = self.inputs.request_slots(resources, grant)
         try:
             if not self._clock.wait_until(granted.is_set, math.inf):
                 raise RuntimeError("the clock was closed before the slots were free")
             yield
         finally:
-            with self._lock:
-                self._slots.release(ticket)
+            self.inputs.release_slots(number)
 
     # Within
+
+    def _head(self, seed: int) -> Head:
+        """Return what a journal says of this run."""
+        manifest = manifest_of(package_folder(self))
+        return Head(
+            spec=self._name,
+            file=str(manifest.get("spec", "")),
+            model=str(manifest.get("model", "")),
+            seed=seed,
+            start_s=self._clock.now_s(),
+            outline=self._outlined(),
+        )
+
+    def _outlined(self) -> Outline:
+        return outlined(
+            self._name,
+            self._store.variables.values(),
+            self._forest.observers.values(),
+            self._skills.values(),
+            package_folder(self),
+        )
 
     def _reading(self, name: str) -> Reading[Value]:
         try:
             return self._store.reading(name)
         except KeyError:
             raise _unknown("variable", name, self._store.cells) from None
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise RuntimeError("the context manager is closed: start() makes a new one")
+
+    def _explained(self, reading: Reading[Value]) -> Reading[Any]:
+        """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
+        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE):
+            return reading
+        return replace(reading, detail=self.obstacle(cast("VariableName", reading.name)))
 
     def _model(self, name: str) -> VariableModel:
         if name not in self._store.variables:
@@ -318,58 +404,13 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise _unknown("skill", name, self._skills)
         return self._skills[name]
 
-    def _hold_expected(self, skills: Iterable[str]) -> None:
-        self._expected = list(skills)
-        previews = (name for skill in self._expected for name in self._skills[skill].preview)
-        self._declarations.hold(_EXPECTED, previews)
-
-    def _enter(self, name: str, holder: str) -> None:
-        self._scribe.tell(Kind.DECLARATION, name, "declared", holder=holder)
-        self._forest.declare(name)
-
-    def _leave(self, name: str, holder: str) -> None:
-        self._scribe.tell(Kind.DECLARATION, name, "withdrawn", holder=holder)
-        self._forest.withdraw(name)
-
     def _changed(self, name: str) -> None:
         self._forest.changed(name)
         self._clock.notify()
 
-    def _may_write(self, name: str) -> bool:
-        return MAIN in self._store.variables[name].sources or name in self._declarations
-
-    def _write(self, name: str, content: Value | None, start_s: float) -> None:
-        now_s = self._clock.now_s()
-        reason = Reason.REJECTED if content is None else None
-        self._store.write(
-            Reading(
-                name=name,
-                content=content,
-                reason=reason,
-                evidence_s=now_s,
-                start_s=start_s,
-                identified_s=now_s,
-                source=MAIN,
-            )
-        )
-
-    def _content(self, name: str, found: object) -> Value | None:
-        """Return what was found as a value of the variable, or None if it is none."""
-        try:
-            return None if found is None else self._store.variables[name].type.convert(found)
-        except NotOfTypeError:
-            return None
-
-    def _keep(self, name: str, content: Value | None, looked_s: float) -> None:
-        """Take what the main execution found by looking, which it began to do at `looked_s`, as evidence."""
-        with self._lock:
-            if content is not None and self._may_write(name):
-                self._write(name, content, looked_s)
-
-    def _invalidate(self, skill: SkillModel) -> None:
-        with self._lock:
-            for name in skill.changes:
-                self._store.invalidate(name, skill.name, MAIN)
+    def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
+        content = self._model(name).type.convert(value)
+        self.inputs.write(name, content, writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
         for name in observer.model.identifies:
@@ -377,10 +418,15 @@ class ContextManager(Generic[VariableName, SkillName]):
             if forgets and self._store.reading(name).known:
                 self._store.make_unknown(name, Reason.WITHDRAWN, observer.name, MAIN)
 
-    def _decided(self, name: str, what: str, asked_s: float, reading: Reading[Value], **details: object) -> None:
-        with self._lock:
-            about = {"value": reading.content, "reason": reading.reason, "asked_s": asked_s, "source": reading.source}
-            self._scribe.tell(Kind.DECISION, name, what, **about, **details)
+
+def _check_handles(model: ContextModel, handles: Iterable[str]) -> None:
+    """Refuse a handle that nothing reads: its name is misspelt, or its resource has slots instead."""
+    slots = {resource.name: resource.slots for resource in model.resources}
+    for name in handles:
+        if name not in slots:
+            raise CallError(str(_unknown("resource", name, slots)))
+        if slots[name] is not None:
+            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")
 
 
 def _unknown(kind: str, name: str, names: Iterable[str]) -> UnknownNameError:

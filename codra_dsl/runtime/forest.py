@@ -57,6 +57,7 @@ class Forest:
         )
         self._position = {name: position for position, name in enumerate(self._activation.order)}
         self._readers = self._find_readers()
+        self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
@@ -69,6 +70,16 @@ class Forest:
     def running(self) -> frozenset[str]:
         """Return the names of the observers that run."""
         return self._activation.running()
+
+    def obstacle(self, variable: str) -> str | None:
+        """Return what keeps a variable from being observed now: empty if nothing does, None if it has no observer.
+
+        Any thread may ask, without the lock.
+        """
+        observer = self._observer_of.get(variable)
+        if observer is None:
+            return None
+        return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
 
     def declare(self, variable: str) -> None:
         """Start what a variable that enters C_E(t) needs (P1, Algorithm 1)."""

@@ -71,6 +71,12 @@ class Observer:
         """Return the context as it is at this tick."""
         return Present(self.surroundings.cells, self.now_s)
 
+    def obstacle(self, variable: str) -> str:
+        """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
+        present = Present(self.surroundings.cells, self.surroundings.now_s())
+        conditions = [branch.blocking_condition(present) for branch in self._branches_of[variable]]
+        return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
+
     def touch(self) -> None:
         """Say that a tick may bring something new."""
         self._touched(self)

@@ -26,12 +26,21 @@ MAX_MESSAGE = 200
 """Characters of a foreign text that a reason shows."""
 
 
+Function = Callable[..., object]
+"""A perception function: called with keyword arguments, it returns a mapping as the spec's `returns` says."""
+
+
 class CallError(LookupError):
     """A spec's `call` names no function, or a resource has no handle: a mistake in how the robot is put together."""
 
 
 class Job(Protocol):
     """What a perception function gets as `job`."""
+
+    @property
+    def index(self) -> int:
+        """Return the number of the job among those of its algorithm, as the record tells it."""
+        ...
 
     @property
     def random(self) -> random.Random:
@@ -98,10 +107,12 @@ class State(Enum):
 class _Job:
     """The `job` of one call; it lives in the thread of its perception function."""
 
-    def __init__(self, work: Work, chance: random.Random) -> None:
-        self._work = work
+    def __init__(self, work: Work, chance: random.Random, index: int) -> None:
         self.random = chance
-        self.told: tuple[float, Interval] | None = None
+        self.index = index
+        self._work = work
+        self._told: list[tuple[float, Interval]] = []
+        self._telling = threading.Lock()
 
     @property
     def cancelled(self) -> bool:
@@ -114,10 +125,16 @@ class _Job:
         self._work.sleep(duration_s)
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        now_s = self.now_s()
-        if not start_s <= stamp_s <= now_s:
-            raise ValueError(f"evidence is taken from a start to a stamp, both past: not {start_s} to {stamp_s}")
-        self.told = (now_s, Interval(float(start_s), float(stamp_s)))
+        with self._telling:  # who asks `told_by` at an instant gets the same answer later
+            now_s = self.now_s()
+            if not start_s <= stamp_s <= now_s:
+                raise ValueError(f"evidence is taken from a start to a stamp, both past: not {start_s} to {stamp_s}")
+            self._told.append((now_s, Interval(float(start_s), float(stamp_s))))
+
+    def told_by(self, now_s: float) -> tuple[float, Interval] | None:
+        """Return the last that was told about the evidence up to an instant, and when."""
+        with self._telling:
+            return next((told for told in reversed(self._told) if told[0] <= now_s), None)
 
 
 class Attempt:
@@ -148,6 +165,8 @@ class Attempt:
         self.timeout: Timer | None = None
         self.work: Work | None = None
         self.job: _Job | None = None
+        self.heard: tuple[float, Interval] | None = None
+        self.noted: Callable[[float, Interval], None] = _nothing
 
     def evidence(self, now_s: float) -> Interval | None:
         """Return when its evidence is taken, as far as the job has told until now; None before it runs.
@@ -156,22 +175,45 @@ class Attempt:
         """
         if self.start_s is None:
             return None
-        told = self.job.told if self.job is not None else None
-        if told is not None and told[0] <= now_s:
-            return told[1]
-        return Interval(self.start_s, self.end_s)
+        told = self.job.told_by(now_s) if self.job is not None else None
+        if told is None:
+            return Interval(self.start_s, self.end_s)
+        if told is not self.heard:
+            self.heard = told
+            self.noted(*told)
+        return told[1]
 
 
 class Perception:
     """Runs the jobs of all algorithms of one forest. Whoever calls it holds the context manager's lock."""
 
-    def __init__(self, clock: Clock, slots: Slots, handles: Mapping[str, object], seed: int, scribe: Scribe) -> None:
+    def __init__(
+        self,
+        *,
+        clock: Clock,
+        slots: Slots,
+        handles: Mapping[str, object],
+        seed: int,
+        scribe: Scribe,
+        find: Callable[[Algorithm], Function],
+    ) -> None:
+        """Run nothing yet.
+
+        Args:
+            clock: in which jobs take their time.
+            slots: of shared resources.
+            handles: the handle of each resource without slots, by name.
+            seed: of the chance that jobs see.
+            scribe: is told what jobs do.
+            find: returns the function of an algorithm, or raises `CallError`.
+        """
         self._clock = clock
+        self._find = find
         self._slots = slots
         self._handles = handles
         self._seed = seed
         self._scribe = scribe
-        self._functions: dict[str, Callable[..., object]] = {}
+        self._functions: dict[str, Function] = {}
         self._requested: Counter[str] = Counter()
         self._at_work: dict[str, Attempt] = {}
 
@@ -187,7 +229,7 @@ class Perception:
         unknown = [name for name in algorithm.slots if name not in self._slots.resources]
         if unknown:
             raise CallError(f"perception {algorithm.name!r} needs a slot of {unknown[0]!r}, which is no resource")
-        self._functions[algorithm.name] = _function(algorithm)
+        self._functions[algorithm.name] = self._find(algorithm)
 
     def at_work(self, algorithm: Algorithm) -> Attempt | None:
         """Return the attempt whose function has not come to its end yet, even if nobody waits for it any more.
@@ -237,15 +279,17 @@ class Perception:
         algorithm = attempt.algorithm
         attempt.state, attempt.start_s = State.RUNNING, self._clock.now_s()
         chance = random.Random(f"{self._seed}/{algorithm.name}/{attempt.index}")
+        attempt.noted = lambda told_s, interval: self._note(attempt, told_s, interval)
         self._at_work[algorithm.name] = attempt
         self._tell(attempt, "started")
         try:
             attempt.work = self._clock.start(
-                lambda work: self._run(attempt, _Job(work, chance), arguments),
+                lambda work: self._run(attempt, _Job(work, chance, attempt.index), arguments),
                 lambda outcome: self._deliver(attempt, outcome),
             )
         except RuntimeError as error:  # no thread could be started
-            self._deliver(attempt, Failure(Reason.FAILED, described(error)))
+            self._scribe.tell_input(algorithm.name, "unstarted", index=attempt.index, message=str(error))
+            self._conclude_delivered(attempt, Failure(Reason.FAILED, described(error)))
             return
         timeout_s = attempt.start_s + algorithm.timeout_s
         attempt.timeout = self._clock.call_at(timeout_s, lambda: self._time_out(attempt))
@@ -264,7 +308,18 @@ class Perception:
                 raise  # in simulated time it is the user who wants an end
             return Failure(Reason.FAILED, described(error))
 
+    def _note(self, attempt: Attempt, told_s: float, interval: Interval) -> None:
+        """Tell what a job said of its evidence, when that first matters."""
+        evidence_s = [interval.start_s, interval.stamp_s]
+        self._scribe.tell_input(
+            attempt.algorithm.name, "evidence", index=attempt.index, told_s=told_s, evidence_s=evidence_s
+        )
+
     def _deliver(self, attempt: Attempt, outcome: Result | Failure) -> None:
+        self._scribe.tell_input(attempt.algorithm.name, "delivered", index=attempt.index)
+        self._conclude_delivered(attempt, outcome)
+
+    def _conclude_delivered(self, attempt: Attempt, outcome: Result | Failure) -> None:
         del self._at_work[attempt.algorithm.name]
         if attempt.timeout is not None:
             attempt.timeout.cancel()
@@ -306,7 +361,12 @@ class Perception:
         self._scribe.tell(Kind.JOB, attempt.algorithm.name, what, index=attempt.index, **details)
 
 
-def _function(algorithm: Algorithm) -> Callable[..., object]:
+def imported(algorithm: Algorithm) -> Function:
+    """Return the function that an algorithm's `call` names.
+
+    Raises:
+        CallError: if there is none.
+    """
     module, _, path = algorithm.call.partition(":")
     try:
         found: Any = importlib.import_module(module)
@@ -316,7 +376,7 @@ def _function(algorithm: Algorithm) -> Callable[..., object]:
         raise CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}: {described(error)}") from error
     if not callable(found):
         raise CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}, which is no function")
-    function: Callable[..., object] = found
+    function: Function = found
     return function
 
 
@@ -348,3 +408,7 @@ def checked(algorithm: Algorithm, returned: object) -> Result | Failure:
         except NotOfTypeError as error:
             return Failure(Reason.FAILED, f"returned {name!r}: {error}")
     return Result(values)
+
+
+def _nothing(*_: object) -> None:
+    pass

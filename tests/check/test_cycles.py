@@ -21,7 +21,7 @@ VARIABLES = ("b1", "b2", "door", "side")
 
 def loop(*algorithms: tuple[str, str, str], declared: Mapping[str, str] | None = None) -> str:
     """Return a spec with an algorithm for each (name, identified variable, keys of the algorithm)."""
-    context = {variable: "valid_for: 5 s" for _, variable, _ in algorithms} | dict(declared or {})
+    context = {variable: "valid_for: 10 s" for _, variable, _ in algorithms} | dict(declared or {})
     lines = ["codra: 1", "name: loop", "context:"]
     lines += [f"  {variable}: {{type: bool, {keys}}}" for variable, keys in context.items()]
     lines.append("perception:")
@@ -110,7 +110,7 @@ def test_an_alternative_that_needs_nothing_breaks_a_cycle() -> None:
 
 def test_another_source_breaks_a_cycle() -> None:
     algorithms = ("see_a", "a", when("b")), ("see_b", "b", when("a"))
-    sound(loop(*algorithms, declared={"b": "valid_for: 5 s, source: [observer, main_execution]"}))
+    sound(loop(*algorithms, declared={"b": "valid_for: 10 s, source: [observer, main_execution]"}))
 
 
 def test_a_given_value_is_waited_for() -> None:
@@ -138,8 +138,11 @@ def test_a_variable_that_needs_itself_is_a_cycle_of_one() -> None:
     ("conditions", "reason"),
     [
         (("b and not b",), "'b and not b' is never true"),
-        (("b", "not b"), "its conditions are never true together"),
-        (("known(b) == (age(b) < 0 s and false)", "known(b)"), "its conditions are never true together"),
+        (("b", "not b"), "'not b' is never true together with 'b'"),
+        (
+            ("known(b) == (age(b) < 0 s and false)", "known(b)"),
+            "'known(b)' is never true together with 'known(b) == (age(b) < 0 s and false)'",
+        ),
     ],
 )
 def test_conditions_that_exclude_each_other_are_no_cycle_but_never_run(

@@ -74,7 +74,12 @@ def test_returned_values_may_be_named_like_context_variables() -> None:
 
 @pytest.mark.parametrize("source", ["observer", "[observer, main_execution]", "[page, observer]"])
 def test_what_an_algorithm_identifies_may_have_other_sources_beside_the_observer(source: str) -> None:
-    sound(edited(("people: {type: int, source: [observer, page]}", f"people: {{type: int, source: {source}}}")))
+    told_to = (
+        "robot_is_localized: {type: bool, source: main_execution",
+        "robot_is_localized: {type: bool, source: page",
+    )
+    people = ("people: {type: int, source: [observer, page]}", f"people: {{type: int, source: {source}}}")
+    sound(edited(told_to, people))
 
 
 def test_a_joined_tree_may_spell_its_conditions_differently() -> None:

@@ -107,7 +107,7 @@ def test_what_is_read_only_as_feedback_is_reached() -> None:
 
 def test_changes_alone_reach_nothing() -> None:
     preview = ("    preview: [door_state, door_gap]\n    monitor: [door_locked, people]\n", "")
-    assert {found.rule.name for found in findings(edited(preview))} == {"unreached-variable"}
+    assert {found.rule.name for found in findings(edited(preview))} == {"unreached-variable", "unreached-observer"}
 
 
 def test_without_skills_nothing_is_unreached() -> None:

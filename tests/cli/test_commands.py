@@ -20,7 +20,7 @@ DOOR = """\
 codra: 1
 name: door
 context:
-  door_open: {type: bool, valid_for: 5 s}
+  door_open: {type: bool, valid_for: 10 s}
 perception:
   measure_door:
     call: some_robot.doors:measure
@@ -145,7 +145,7 @@ def test_lint_prints_findings_to_standard_output_and_their_number_to_standard_er
 
     done = codra("lint", "specs", cwd=project)
 
-    assert (done.returncode, done.stdout, done.stderr) == (1, MONITER, "1 error\n")
+    assert (done.returncode, done.stdout, done.stderr) == (1, MONITER, "1 error; --fix can fix 1\n")
 
 
 def test_lint_of_good_specs_prints_nothing_to_standard_output(project: Path) -> None:
@@ -321,7 +321,8 @@ def test_check_writes_nothing_and_shows_what_is_missing(project: Path) -> None:
 
     assert done.returncode == 1
     assert "+++ generated/door/door.py (as specified)\n" in done.stdout
-    assert "generated/door/door.py: missing\n" in done.stderr
+    assert "'generated/door/door.py' is not what the specs say: missing\n" in done.stdout
+    assert done.stderr == "6 errors\n"
     assert not (project / "generated").exists()
 
 

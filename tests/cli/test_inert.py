@@ -64,7 +64,8 @@ def project(tmp_path: Path) -> Path:
     (tmp_path / "project").mkdir()
     (tmp_path / "project/pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "project/door.yaml").write_text(SPEC)
-    (tmp_path / "project/dangerous_robot.py").write_text("raise SystemExit('it was imported')\n")
+    told = "raise SystemExit('it was imported')\n\n\ndef measure(text, job): ...\n"
+    (tmp_path / "project/dangerous_robot.py").write_text(told)
     return tmp_path / "project"
 
 
@@ -87,11 +88,14 @@ def watched(project: Path, *arguments: str) -> list[tuple[str, str]]:
 WRITES = {"write", "os.mkdir", "os.rename", "os.remove", "os.rmdir", "shutil.rmtree"}
 COMMANDS = [
     ["lint", "."],
+    ["lint", ".", "--diff"],
     ["compile", "."],
     ["compile", ".", "--check"],
     ["graph", "."],
     ["graph", ".", "--format", "json"],
     ["graph", ".", "--format", "svg"],
+    ["graph", ".", "--format", "html"],
+    ["graph", ".", "--format", "mermaid", "--select", "+door_open"],
 ]
 
 
@@ -102,7 +106,7 @@ def test_a_command_reads_specs_and_writes_output_and_nothing_else(project: Path,
     if command == ["compile", ".", "--check"]:
         watched(project, "compile", ".")
 
-    seen = watched(project, *command)
+    seen = watched(project, *command, *(["--no-cache"] if command[0] in ("lint", "compile") else []))
 
     files = {path for event, path in seen if event in WRITES}
     code = {path for event, path in seen if event == "exec" and not Path(path).is_absolute() and path[:1] != "<"}
@@ -116,6 +120,19 @@ def test_a_command_reads_specs_and_writes_output_and_nothing_else(project: Path,
     assert "dangerous_robot" not in imports
     assert not any(name.split(".")[0] in ("generated", "door") for name in imports)
     assert others == set()
+
+
+@pytest.mark.parametrize("command", [["lint", "."], ["compile", "."], ["compile", ".", "--check"]], ids=" ".join)
+def test_with_the_cache_a_command_writes_there_as_well_and_nowhere_else(project: Path, command: list[str]) -> None:
+    watched(project, "compile", ".", "--no-cache")
+
+    first, second = watched(project, *command), watched(project, *command)
+
+    written = {path for event, path in first if event in WRITES}
+    assert written
+    assert {path for path in written if not f"{path}/".startswith(f"{project}/.codra_cache/")} == set()
+    assert {path for event, path in second if event in WRITES} == set()
+    assert ("import", "codra_dsl.compiler") not in second
 
 
 def test_the_watch_sees_what_it_is_to_see(project: Path) -> None:

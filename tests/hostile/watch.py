@@ -12,12 +12,18 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from tests.hostile.inputs import Files, hostile
+
+if TYPE_CHECKING:
+    from codra_dsl.compiler import Compilation
+    from codra_dsl.diagnostics import Diagnostic
 
 PROJECT = "[tool.codra]\n"
 READABLE = tuple({os.path.realpath(path) for path in (sys.prefix, sys.base_prefix, Path(__file__).parents[2])})
@@ -125,7 +131,7 @@ class Outcome:
 
     number: int
     codes: tuple[str, ...]
-    seconds: float
+    seconds: float  # of the processor
     crash: str
 
     @property
@@ -194,7 +200,7 @@ def _attempt(watch: Watch, root: Path, files: Files, number: int) -> Outcome:
     out = root / "out"
     out.mkdir()
     watch.root, watch.out, watch.armed = str(root), str(out), number >= 0
-    started, crash = time.perf_counter(), ""
+    started, crash = time.process_time(), ""
     codes: tuple[str, ...] = ()
     try:
         codes = _compiled(root, out)
@@ -202,23 +208,41 @@ def _attempt(watch: Watch, root: Path, files: Files, number: int) -> Outcome:
         crash = f"{type(error).__name__}: {error!s:.200}"
     finally:
         watch.armed = False
-    return Outcome(number, codes, time.perf_counter() - started, crash)
+    return Outcome(number, codes, time.process_time() - started, crash)
 
 
 def _compiled(root: Path, out: Path) -> tuple[str, ...]:
     from codra_dsl.compiler import compile_paths
     from codra_dsl.output import freshness, write
-    from codra_dsl.report import findings, graphs
 
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         compilation = compile_paths([root / "spec.yaml"], root)
         found = compilation.planned.diagnostics
-        findings.render_full(found, lambda file: (root / file).read_text("utf-8", errors="replace"))
-        findings.render_concise(found)
-        findings.render_json(found)
+        _show(found, lambda file: (root / file).read_text("utf-8", errors="replace"))
         if compilation.files:
             write(compilation.files, out, compilation.covered)
             freshness(compilation.files, out, compilation.covered)
-            graphs.render_json(compilation.planned.plans)
-            graphs.render_dot(compilation.planned.plans)
+            _draw(compilation)
     return tuple(each.code for each in found)
+
+
+def _show(found: Sequence[Diagnostic], sources: Callable[[str], str | None]) -> None:
+    from codra_dsl.report.findings import render_concise, render_full, render_json
+    from codra_dsl.report.github import render_github, render_summary
+    from codra_dsl.report.junit import render_junit
+    from codra_dsl.report.sarif import render_sarif
+
+    render_full(found, sources)
+    for render in (render_concise, render_json, render_github, render_sarif):
+        render(found)
+    render_summary(found, "findings")
+    render_junit(found, ["spec.yaml"], sources, is_failure=lambda _: True, suite="codra")
+
+
+def _draw(compilation: Compilation) -> None:
+    from codra_dsl.report.dot import render_dot
+    from codra_dsl.report.graphs import graph_of, render_json
+    from codra_dsl.report.mermaid import flowchart
+
+    for render in (render_json, render_dot, flowchart):
+        render(graph_of(compilation.planned.plans))

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import codecs
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
-from codra_dsl.load import load_spec, load_text, spec_files
+from codra_dsl.load import find_files, load_spec, load_text
 from codra_dsl.load.parts import MAX_INCLUDE_DEPTH
 
 SPEC = "codra: 1\nname: kitchen\n"
@@ -175,10 +177,10 @@ def test_specs_below_a_folder_are_found_and_other_files_left_alone(tmp_path: Pat
     write(tmp_path / ".hidden", spec=SPEC)
     (tmp_path / "spec.yml").write_text(SPEC, "utf-8")
     (tmp_path / "spec.txt").write_text(SPEC, "utf-8")
-    files, findings = spec_files([tmp_path, tmp_path / "a.yaml"], tmp_path)
+    found = find_files([tmp_path, tmp_path / "a.yaml"], tmp_path)
 
-    assert findings == ()
-    assert [file.relative_to(tmp_path).as_posix() for file in files] == [
+    assert found.diagnostics == ()
+    assert [file.relative_to(tmp_path).as_posix() for file in found.specs] == [
         "a.yaml",
         "b/kitchen.yaml",
         "broken.yaml",
@@ -190,14 +192,64 @@ def test_specs_below_a_folder_are_found_and_other_files_left_alone(tmp_path: Pat
 
 def test_a_folder_without_specs_is_reported(tmp_path: Path) -> None:
     write(tmp_path, part=PART)
-    files, (found,) = spec_files([tmp_path], tmp_path)
+    found = find_files([tmp_path], tmp_path)
 
-    assert (files, found.rule.name) == ((), "no-spec")
+    assert found.specs == ()
+    assert [each.rule.name for each in found.diagnostics] == ["no-spec"]
 
 
 def test_a_file_that_is_named_is_taken_as_it_is(tmp_path: Path) -> None:
     write(tmp_path, part=PART)
-    files, findings = spec_files([tmp_path / "part.yaml", tmp_path / "none.yaml"], tmp_path)
+    found = find_files([tmp_path / "part.yaml", tmp_path / "none.yaml"], tmp_path)
 
-    assert findings == ()
-    assert [rules(file, tmp_path) for file in files] == [["cannot-read"], ["part-without-spec"]]
+    assert found.diagnostics == ()
+    assert [rules(file, tmp_path) for file in found.specs] == [["cannot-read"], ["part-without-spec"]]
+
+
+def test_a_folder_that_cannot_be_looked_into_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The superuser can look into every folder, so the refusal is the test's own."""
+    write(tmp_path, kitchen=SPEC)
+    (tmp_path / "shut").mkdir()
+    scandir = os.scandir
+
+    def refusing(path: str) -> object:
+        if Path(path).name == "shut":
+            raise PermissionError(errno.EACCES, "Permission denied", path)
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refusing)
+    found = find_files([tmp_path], tmp_path)
+
+    assert [file.name for file in found.specs] == ["kitchen.yaml"]
+    assert [each.message for each in found.diagnostics] == ["cannot look into 'shut'"]
+
+
+def test_a_spec_that_is_saved_as_utf_16_is_one_all_the_same(tmp_path: Path) -> None:
+    for mark, encoding in ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be")):
+        (tmp_path / f"{encoding}.yaml").write_bytes(mark + SPEC.encode(encoding))
+
+    found = find_files([tmp_path], tmp_path)
+
+    assert [rules(file, tmp_path) for file in found.specs] == [["not-utf-8"]] * 2
+
+
+def test_a_part_is_named_where_it_stands_whatever_leads_to_it(tmp_path: Path) -> None:
+    write(tmp_path / "robots", kitchen=f"{SPEC}include: [parts/jar.yaml]\n")
+    write(tmp_path / "robots/parts", jar=PART)
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs/kitchen.yaml").symlink_to("../robots/kitchen.yaml")
+
+    spec, _ = load_spec(tmp_path / "specs/kitchen.yaml", tmp_path)
+
+    assert spec is not None
+    assert spec.files == ("specs/kitchen.yaml", "robots/parts/jar.yaml")
+
+
+def test_a_part_that_no_spec_includes_is_reported(tmp_path: Path) -> None:
+    write(tmp_path, kitchen=f"{SPEC}include: [jar.yaml]\n", jar=PART, lost=f"# lost\n{PART}")
+    write(tmp_path, **{"other": "nmae: other\nservices: {}\n"})
+
+    found = find_files([tmp_path], tmp_path)
+    (lost,) = found.unincluded(["kitchen.yaml", "jar.yaml"], tmp_path)
+
+    assert (lost.rule.name, lost.place.span.file, lost.place.span.line) == ("unincluded-part", "lost.yaml", 2)

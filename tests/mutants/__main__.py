@@ -1,4 +1,7 @@
-"""`python -m tests.mutants [COUNT [FILE]]`: change one token COUNT times, print what was found; each mutant to FILE."""
+"""`python -m tests.mutants [COUNT [FILE [SEED]]]`: change one token COUNT times and print what was found.
+
+Each mutant goes to FILE, as a line of JSON.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,8 @@ def verdicts(count: int, seed: int = SEED) -> Iterator[Verdict]:
     chance = random.Random(seed)
     found = projects()
     originals = {name: original(files) for name, files in found.items()}
-    places = [(name, token) for name, files in found.items() for token in tokens(files)]
+    valid = [name for name in found if originals[name].is_valid]
+    places = [(name, token) for name in valid for token in tokens(found[name])]
     for name, token in chance.sample(places, min(count, len(places))):
         yield judge(originals[name], mutate(found[name], token, chance))
 
@@ -30,7 +34,7 @@ def report(judged: Sequence[Verdict]) -> str:
     meant = [each for each in judged if each.fate in (Fate.NEAR, Fate.FAR, Fate.MISSED)]
     detected = [each for each in judged if each.findings]
     suggested = [each for each in judged if each.suggestion is not None]
-    right = [each for each in suggested if each.suggestion == each.mutant.token.text]
+    right = [each for each in suggested if each.suggestion is not None and each.suggestion[1]]
     findings = sum(len(each.findings) for each in detected)
     rows = [f"{len(judged)} mutants"]
     rows += [f"{fates[fate]:6} {fate}" for fate in Fate]
@@ -46,10 +50,10 @@ def report(judged: Sequence[Verdict]) -> str:
     return "\n".join(rows)
 
 
-def main(count: int = 2500, file: str | None = None) -> None:
+def main(count: int = 2500, file: str | None = None, seed: int = SEED) -> None:
     """Print the figures, with progress on a terminal."""
     judged = []
-    for number, each in enumerate(verdicts(count), start=1):
+    for number, each in enumerate(verdicts(count, seed), start=1):
         judged.append(each)
         if sys.stderr.isatty():
             print(f"\r{number} of {count}", end="", file=sys.stderr)

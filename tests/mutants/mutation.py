@@ -61,6 +61,12 @@ class Mutant:
         return self.files[self.token.file].count("\n", 0, self.token.start) + 1
 
     @property
+    def is_first(self) -> bool:
+        """Return whether nothing stands before the changed token on its line, but for what belongs to its name."""
+        before = self.files[self.token.file][: self.token.start].rpartition("\n")[2]
+        return re.fullmatch(r"\s*[\w$()]*|name: ", before) is not None
+
+    @property
     def context(self) -> str:
         """Return the changed line."""
         return self.files[self.token.file].split("\n")[self.line - 1].strip()
@@ -84,6 +90,15 @@ def projects() -> dict[str, dict[str, str]]:
 def _with_parts(spec: Path, folder: Path) -> dict[str, str]:
     parts = sorted((folder / "parts").glob("*.yaml")) if "include:" in spec.read_text("utf-8") else []
     return {path.relative_to(folder).as_posix(): path.read_text("utf-8") for path in (spec, *parts)}
+
+
+def laid_out(files: Mapping[str, str], root: Path) -> Path:
+    """Write the files of a project into a folder and return the path of its spec."""
+    for file, text in {"pyproject.toml": PROJECT, **files}.items():
+        path = root / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    return root / next(iter(files))
 
 
 def tokens(files: Mapping[str, str]) -> list[Token]:

@@ -8,8 +8,9 @@ from dataclasses import replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.diagnostics import Diagnostic, Place, Related, Rule, Severity, Span
+from codra_dsl.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.report.findings import COLOURED, render_concise, render_full, render_json, visible
+from tests.report.hostile import hostile_findings
 
 UNKNOWN_KEY = Rule(code="CDR2003", name="unknown-key", severity=Severity.ERROR)
 UNUSED = Rule(code="CDR7102", name="unreached-variable", severity=Severity.WARNING)
@@ -163,8 +164,55 @@ def test_a_finding_as_json_has_all_that_tools_need() -> None:
                 "end_column": 7,
             }
         ],
+        "fix": None,
         "fingerprint": found.fingerprint,
     }
+
+
+def test_a_fix_as_json_has_its_edits_with_their_ranges() -> None:
+    edit = Edit(MONITER.place.span, "monitor")
+    fix = Fix(message="Replace 'moniter' by 'monitor'", edits=(edit,), applicability=Applicability.SAFE)
+
+    (line,) = render_json([replace(MONITER, fix=fix)]).splitlines()
+
+    place = {"file": "specs/door.yaml", "line": 5, "column": 5, "end_line": 5, "end_column": 12}
+    assert json.loads(line)["fix"] == {
+        "message": "Replace 'moniter' by 'monitor'",
+        "applicability": "safe",
+        "edits": [{**place, "text": "monitor"}],
+    }
+
+
+@given(hostile_findings)
+def test_each_finding_is_one_line_of_json_that_every_reader_takes(found: list[Diagnostic]) -> None:
+    lines = render_json(found).split("\n")[:-1]
+
+    assert len(lines) == len(found)
+    for line, each in zip(lines, found, strict=True):
+        assert line.isascii()
+        message = json.loads(line)["message"]
+        assert message == each.message.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
+def test_a_line_names_the_use_that_gives_a_finding_in_a_templates_text() -> None:
+    uses = [Place(MONITER.place.span, span(line, 3, 6, file="specs/a.yaml")) for line in (8, 9, 10)]
+    each_use = tuple(replace(MONITER, place=place) for place in uses)
+
+    one, several = render_concise([each_use[1], replace(each_use[0], each_use=each_use)]).splitlines()
+
+    assert one.endswith(" (did you mean 'monitor'?; used at specs/a.yaml:9:3)")
+    assert several.endswith(" (did you mean 'monitor'?; used at specs/a.yaml:8:3 and 2 more)")
+
+
+def test_no_two_findings_have_the_same_fingerprint() -> None:
+    """As two mentions of one unknown name do, and one use of a shared template in each of two specs."""
+    again = replace(MONITER, place=Place(Span("specs/door.yaml", 9, 5, 9, 12)))
+    in_template = [replace(MONITER, place=Place(MONITER.place.span, Span(f, 3, 3, 3, 6))) for f in ("a.yaml", "b.yaml")]
+
+    found = [json.loads(line) for line in render_json([MONITER, again, *in_template]).splitlines()]
+
+    assert len({each["fingerprint"] for each in found}) == 4
+    assert found[1]["fingerprint"] == f"{MONITER.fingerprint}:2"
 
 
 def test_a_fingerprint_stays_when_lines_move() -> None:

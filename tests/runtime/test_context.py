@@ -8,6 +8,7 @@ import pytest
 from codra_dsl.runtime import (
     CallError,
     ContextManager,
+    Kind,
     NotDeclaredError,
     NotOfTypeError,
     Reason,
@@ -15,7 +16,6 @@ from codra_dsl.runtime import (
     UnknownNameError,
     UnknownValueError,
 )
-from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.model import SkillModel, real
 from tests.runtime.door import GIVEN_NEAR, Door, started
 from tests.runtime.forests import World, events, forest, given, observer, seen, takes, variable
@@ -92,6 +92,24 @@ def test_closing_stops_all_observers_and_cancels_their_jobs() -> None:
     assert len(door.calls) == calls
 
 
+def test_without_with_it_works_until_it_is_closed_and_then_nothing_can_be_declared() -> None:
+    clock = SimClock()
+    manager = ContextManager[str, str](GIVEN_NEAR, clock=clock, resources={"door": Door(angle_rad=1.0)})
+    manager.set("near", True)
+    manager.declare("open")
+    clock.sleep(1)
+    assert manager.get("open").value is True
+    manager.close()
+    manager.close()
+    assert manager.get("open").value is True
+    for declare in (lambda: manager.declare("open"), lambda: manager.expect("drive")):
+        with pytest.raises(RuntimeError, match=r"the context manager is closed: start\(\) makes a new one"):
+            declare()
+    with pytest.raises(RuntimeError, match=r"closed"), manager.skill("drive"):
+        pass
+    assert manager.running() == set()
+
+
 # Names
 
 
@@ -109,6 +127,14 @@ def test_a_wrong_name_is_told_with_the_one_that_was_meant() -> None:
             pass
 
 
+def test_a_handle_that_nothing_reads_is_told_before_anything_runs() -> None:
+    model = forest([], slots={"vision": 1})
+    with pytest.raises(CallError, match=r"the spec has no resource 'wrold': did you mean 'world'\?"):
+        ContextManager(model, clock=SimClock(), resources={"wrold": World()})
+    with pytest.raises(CallError, match=r"resource 'vision' has slots and takes no handle: leave it out"):
+        ContextManager(model, clock=SimClock(), resources={"world": World(), "vision": None})
+
+
 def test_a_missing_handle_is_told_before_anything_runs() -> None:
     with pytest.raises(CallError, match=r"perception 'eye' reads 'world': give start\(\) its handle"):
         ContextManager(forest([variable("a")], observer("o", seen("eye", "a"))), clock=SimClock(), resources={})
@@ -120,7 +146,7 @@ def test_a_missing_handle_is_told_before_anything_runs() -> None:
 def test_the_main_execution_writes_what_is_its_own_or_what_it_declares() -> None:
     with started(Door()) as (manager, _):
         manager.set("localized", False)
-        with pytest.raises(NotDeclaredError, match=r"'open' is for observer to write: declare it first"):
+        with pytest.raises(NotDeclaredError, match=r"observer to write: the main execution may only while"):
             manager.set("open", True)
         manager.declare("open")
         manager.set("open", True)
@@ -292,14 +318,26 @@ def test_a_decision_that_context_does_not_know_falls_back_and_keeps_what_is_foun
     assert (first.what, first.details["reason"], first.instant_s) == ("fell_back", Reason.NEVER_OBSERVED, 2.0)
 
 
-@pytest.mark.parametrize("found", ["a pose", 7, object(), None, np.zeros(3)])
-def test_what_is_found_may_be_anything_and_is_kept_only_as_a_value_of_the_variable(found: object) -> None:
+@pytest.mark.parametrize("shadow", [False, True])
+@pytest.mark.parametrize("found", ["a pose", 7, object(), np.zeros(3)])
+def test_what_is_found_is_a_value_of_the_variable_or_an_error_that_is_told(found: object, shadow: bool) -> None:
     with started(Door()) as (manager, _):
         manager.declare("open")
-        assert manager.decide("open", lambda: found) is found
+        with pytest.raises(NotOfTypeError, match=r"is no bool"):
+            manager.decide("open", lambda: found, shadow=shadow)
         assert manager.get("open").reason is Reason.NEVER_OBSERVED
-        assert events(manager, Kind.DECISION) == ["fell_back"]
+        (decision,) = manager.record.of(Kind.DECISION)
         assert manager.record.text().count("fell_back") == 1
+    assert decision.details["raised"] == "NotOfTypeError"
+
+
+def test_a_look_that_finds_nothing_returns_none_and_nothing_is_kept() -> None:
+    with started(Door()) as (manager, _):
+        manager.declare("open")
+        assert manager.decide("open", lambda: None) is None
+        assert manager.get("open").reason is Reason.NEVER_OBSERVED
+        (decision,) = manager.record.of(Kind.DECISION)
+    assert (decision.details["found"], decision.details["kept"]) == (None, False)
 
 
 def test_a_look_that_fails_is_the_main_executions_own_matter_and_is_told_in_the_record() -> None:
@@ -314,12 +352,16 @@ def test_what_is_found_of_a_variable_that_is_not_declared_is_not_kept() -> None:
     with started(Door()) as (manager, _):
         assert manager.decide("open", lambda: True) is True
         assert not manager.get("open").known
+        manager.declare("open")
+        manager.decide("open", lambda: True)
+        kept = [event.details["kept"] for event in manager.record.of(Kind.DECISION)]
+    assert kept == [False, True]
 
 
 def test_a_decision_waits_for_observers_up_to_a_time() -> None:
     with started(Door(angle_rad=1.0, duration_s=2.0)) as (manager, clock):
         manager.declare("open")
-        assert manager.decide("open", lambda: "looked", wait_up_to_s=1.5) == "looked"
+        assert manager.decide("open", lambda: None, wait_up_to_s=1.5) is None
         assert clock.now_s() == 1.5
         assert manager.decide("open", must_not_look, wait_up_to_s=1.5) is True
         assert clock.now_s() == 2.0
@@ -332,7 +374,7 @@ def test_a_decision_does_not_take_evidence_that_is_too_old() -> None:
         manager.set("near", False)
         clock.sleep(2.1)
         assert manager.decide("open", must_not_look, max_age_s=3.0) is True
-        assert manager.decide("open", lambda: "looked", max_age_s=2.9) == "looked"
+        assert manager.decide("open", lambda: None, max_age_s=2.9) is None
         manager.set("near", True)
         assert manager.decide("open", must_not_look, max_age_s=0.5, wait_up_to_s=1.0) is True
         assert clock.now_s() == 3.5
@@ -348,7 +390,7 @@ def test_a_decision_does_not_take_evidence_that_began_before_an_instant() -> Non
             assert clock.now_s() == 4.0
             assert manager.get("open").start_s == 2.0
             assert manager.get("open").evidence_s == (2.0 if snapshot else 4.0)
-            assert manager.decide("open", lambda: "looked", since_s=2.1) == "looked"
+            assert manager.decide("open", lambda: None, since_s=2.1) is None
 
 
 def test_what_the_main_execution_wrote_at_an_instant_does_for_a_decision_since_then() -> None:
@@ -362,7 +404,7 @@ def test_shadow_looks_in_any_case_and_tells_whether_context_agrees() -> None:
     with started(Door(angle_rad=1.0)) as (manager, clock):
         manager.declare("open")
         clock.sleep(2)
-        for found in (True, False, np.True_, "?"):
+        for found in (True, False, np.True_, None):
             assert manager.decide("open", lambda found=found: found, shadow=True) is found
         agreed = [(event.what, event.details["agrees"]) for event in manager.record.of(Kind.DECISION)]
         assert manager.record.text().count("shadowed") == 4
@@ -380,8 +422,9 @@ def test_shadow_teaches_context_nothing() -> None:
 
 def test_an_unknown_value_cannot_be_taken_for_false() -> None:
     with started(Door()) as (manager, _):
+        manager.declare("open")
         reading = manager.get("open")
-        with pytest.raises(UnknownValueError, match=r"open is unknown \(never_observed\)"):
+        with pytest.raises(UnknownValueError, match=r"open is unknown \(never_observed: near\)"):
             _ = reading.value
         with pytest.raises(TypeError, match=r"a reading has no truth value: ask \.known"):
             bool(reading)
@@ -411,6 +454,16 @@ def test_the_main_execution_goes_first_when_slots_become_free() -> None:
         assert world.calls == [("eye", 0.0), ("eye", 7.0)]
 
 
+def test_a_resource_without_slots_gives_none() -> None:
+    told = r"'world' has no slots: use its handle"
+    with (
+        started_forest(forest([]), World()) as manager,
+        pytest.raises(UnknownNameError, match=told),
+        manager.slot("world"),
+    ):
+        pass
+
+
 def test_waiting_for_slots_that_nobody_can_free_is_an_error_in_simulated_time() -> None:
     model = forest([], slots={"one": 1})
     with started_forest(model, World()) as manager:
@@ -433,6 +486,6 @@ def test_a_decision_sees_that_validity_has_ended_though_no_time_has_passed_since
     with started_forest(model, World(), clock) as manager:
         manager.set("x", True)
         clock.sleep(2)
-        assert manager.decide("x", lambda: "looked") == "looked"
+        assert manager.decide("x", lambda: None) is None
         (decision,) = manager.record.of(Kind.DECISION)
     assert decision.details["reason"] is Reason.STALE

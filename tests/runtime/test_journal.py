@@ -47,7 +47,7 @@ def test_a_record_holds_everything_that_happened_in_order() -> None:
     lines = [json.loads(line) for line in manager.record.text().splitlines()]
     assert len(lines) == len(manager.record)
     assert [line["instant_s"] for line in lines] == sorted(line["instant_s"] for line in lines)
-    assert {line["kind"] for line in lines} == set(Kind)
+    assert {line["kind"] for line in lines} == set(Kind) - {Kind.INPUT}
     assert [(line["kind"], line["name"], line["what"]) for line in lines[:8]] == [
         ("variable", "localized", "identified"),
         ("declaration", "open", "declared"),
@@ -58,3 +58,18 @@ def test_a_record_holds_everything_that_happened_in_order() -> None:
         ("variable", "near", "identified"),
         ("job", "look", "started"),
     ]
+
+
+def test_a_record_of_a_long_run_keeps_the_newest_events() -> None:
+    record = Record(limit=10)
+    for number in range(1000):
+        record.add(Event(float(number), Kind.OBSERVER, f"o{number}", "started"))
+        assert [event.name for event in record] == [f"o{kept}" for kept in range(number + 1 - len(record), number + 1)]
+        assert min(10, number + 1) <= len(record) < 20
+
+
+def test_a_record_without_a_limit_keeps_all() -> None:
+    record = Record(math.inf)
+    for number in range(1000):
+        record.add(Event(float(number), Kind.OBSERVER, "o", "started"))
+    assert len(record) == 1000

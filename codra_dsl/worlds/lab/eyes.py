@@ -37,6 +37,7 @@ class _SequentialJob:
 
     clock: Clock
     random: Random
+    index: int = 0
 
     @property
     def cancelled(self) -> bool:

@@ -1,0 +1,37 @@
+"""`make bench`: measures every row beside its peer and writes `results.json`; names of groups choose some of them."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import compiling
+from rows import Row
+
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows}
+"""What measures each group of rows, given a scratch folder."""
+
+RESULTS = Path(__file__).with_name("results.json")
+
+
+def main() -> None:
+    """Measure the groups that were asked for, all by default, and keep the rows of the others."""
+    wanted = sys.argv[1:] or list(GROUPS)
+    kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
+    print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
+    for group in wanted:
+        with tempfile.TemporaryDirectory(prefix="codra-bench-") as scratch:
+            for row in GROUPS[group](Path(scratch)):
+                kept[row.name] = row.record()
+                met = "met" if row.ratio <= row.target else "missed"
+                told = f"{row.name:24} {row.ours:10.4g} {row.peer:10.4g} {row.ratio:8.3g} {row.target:8} {met}"
+                print(told, flush=True)
+                lines = ",\n".join(map(json.dumps, kept.values()))
+                RESULTS.write_text(f"[\n{lines}\n]\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,147 @@
+"""Specs of any size, flat and templated: chains of ten observers with two preconditions each.
+
+The same number gives the same bytes. Both forms have eight lines for each variable and an observer for five in six:
+`flat` says everything in its place; in `templated` each chain is a use of one template, which says what is its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+CHAIN = 10
+"""How many observers wait for one another."""
+
+OWN = 2
+"""How many variables of a chain the main execution writes."""
+
+CHAINS_IN_FILE = 80
+
+_HEAD = "codra: 1"
+_TYPES = "{markers: {type: int, range: [0, 12]}, angle: {type: float, unit: rad}}"
+
+
+def flat(variables: int) -> Mapping[str, str]:
+    """Return the files of a flat spec by path: the spec itself, and parts that hold its chains."""
+    return _files("flat", variables, _flat_part)
+
+
+def templated(variables: int) -> Mapping[str, str]:
+    """Return the files of a spec whose chains are uses of a template: the spec, the template, and parts with uses."""
+    files = _files("templated", variables, _part_with_uses, "parts/bay.yaml")
+    return {**files, "parts/bay.yaml": _text([_HEAD, *_template()])}
+
+
+def write(files: Mapping[str, str], folder: Path) -> None:
+    """Write files below a folder, which becomes the root of a project."""
+    for path, text in {"pyproject.toml": "[tool.codra]\n", **files}.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, "utf-8")
+
+
+def _files(name: str, variables: int, part: Callable[[range], Iterator[str]], *more: str) -> dict[str, str]:
+    """Return a spec and its parts; variables that make no whole chain stand in the spec itself."""
+    chains, left = divmod(variables, CHAIN + OWN)
+    parts = [range(first, min(first + CHAINS_IN_FILE, chains)) for first in range(0, chains, CHAINS_IN_FILE)]
+    paths = {f"parts/{name}_{chains.start:05}.yaml": chains for chains in parts}
+    lines = [_HEAD, f"name: {name}", "include:", *(f"  - {path}" for path in (*more, *paths))]
+    lines += ["resources:", "  camera: {}", "  vision: {slots: 2}", "context:"]
+    lines += [f"  hall_{number}_is_lit: {{type: bool, source: main_execution}}" for number in range(left)]
+    lines += ["skills:", f"  enter: {{preview: [{', '.join(f'hall_{number}_is_lit' for number in range(left))}]}}"]
+    spec = {f"{name}.yaml": _text(lines if left else lines[:-3])}
+    return spec | {path: _text([_HEAD, *part(chains)]) for path, chains in paths.items()}
+
+
+def _text(lines: list[str]) -> str:
+    return "\n".join(lines) + "\n"
+
+
+def _bays(chains: range) -> Iterator[str]:
+    return (f"bay_{chain:05}" for chain in chains)
+
+
+def _needed(bay: str, number: int) -> tuple[str, str]:
+    """Return the preconditions of a door: a light, and the door before."""
+    return f"{bay}_is_lit", f"{bay}_door_{number - 1}_open" if number else f"{bay}_is_near"
+
+
+def _flat_part(chains: range) -> Iterator[str]:
+    yield "context:"
+    for bay in _bays(chains):
+        yield f"  {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
+        yield f"  {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
+        for number in range(CHAIN):
+            yield f"  {bay}_door_{number}_open: {{type: bool, valid_for: {number + 60} s}}"
+    yield "perception:"
+    for bay in _bays(chains):
+        for number in range(CHAIN):
+            yield f"  find_{bay}_door_{number}:"
+            yield "    call: robot.perception:find_door"
+            yield "    uses: {camera: read, vision: slot}"
+            yield f"    returns: {_TYPES}"
+            yield "    observable_when:"
+            yield from (f"      - {name}" for name in _needed(bay, number))
+            yield f"    identifies: {{{bay}_door_{number}_open: angle > 0.{number + 1} rad}}"
+    yield "skills:"
+    for bay in _bays(chains):
+        yield f"  pass_{bay}:"
+        yield f"    preview: [{bay}_door_{CHAIN - 1}_open]"
+        yield f"    monitor: [{bay}_door_{CHAIN - 1}_open, {bay}_door_{CHAIN - 2}_open]"
+        yield f"    changes: [{bay}_is_near]"
+
+
+_OWN_OF_DOOR = {
+    "title": ("str", "Door {number} of {bay}"),
+    "valid": ("quantity", "{later} min"),
+    "hinge": ("str", "left"),
+    "width": ("quantity", "0.{later} m"),
+    "angle": ("quantity", "0.{later} rad"),
+    "least": ("int", "{later}"),
+    "timeout": ("quantity", "{later} s"),
+    "interval": ("quantity", "{later}00 ms"),
+    "lit": ("bool", "true"),
+}
+"""Parameters of the template, one of each for every door, with their types and arguments."""
+
+
+def _part_with_uses(chains: range) -> Iterator[str]:
+    yield "use:"
+    for bay in _bays(chains):
+        yield f"  {bay}:"
+        yield "    template: bay"
+        for number in range(CHAIN):
+            for name, (_, argument) in _OWN_OF_DOOR.items():
+                yield f"    {name}_{number}: {argument.format(number=number, later=number + 1, bay=bay)}"
+
+
+def _template() -> Iterator[str]:
+    yield "templates:"
+    yield "  bay:"
+    yield "    parameters:"
+    for number in range(CHAIN):
+        yield from (f"      {name}_{number}: {type_}" for name, (type_, _) in _OWN_OF_DOOR.items())
+    bay = "$(instance)"
+    yield "    context:"
+    yield f"      {bay}_is_lit: {{type: bool, source: main_execution, valid_for: 1 min}}"
+    yield f"      {bay}_is_near: {{type: bool, source: main_execution, valid_for: 20 s}}"
+    for number in range(CHAIN):
+        yield f"      {bay}_door_{number}_open: {{type: bool, valid_for: $(valid_{number}), label: $(title_{number})}}"
+    yield "    perception:"
+    for number in range(CHAIN):
+        arguments = ", ".join(f"{name}: $({name}_{number})" for name in ("hinge", "width", "lit"))
+        yield f"      find_{bay}_door_{number}:"
+        yield "        call: robot.perception:find_door"
+        yield f"        with: {{{arguments}}}"
+        yield "        uses: {camera: read, vision: slot}"
+        yield f"        timeout: $(timeout_{number})"
+        yield f"        min_interval: $(interval_{number})"
+        yield f"        returns: {_TYPES}"
+        yield "        observable_when:"
+        yield from (f"          - {name}" for name in _needed(bay, number))
+        yield f"        accept_when: [markers >= $(least_{number})]"
+        yield f"        identifies: {{{bay}_door_{number}_open: angle > $(angle_{number})}}"
+    yield "    skills:"
+    yield f"      pass_{bay}:"
+    yield f"        preview: [{bay}_door_{CHAIN - 1}_open]"
+    yield f"        monitor: [{bay}_door_{CHAIN - 1}_open, {bay}_door_{CHAIN - 2}_open]"
+    yield f"        changes: [{bay}_is_near]"

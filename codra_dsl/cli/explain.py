@@ -1,0 +1,64 @@
+"""`codra explain`: what a finding means, with a spec that has it and the same spec mended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import write_result
+
+if TYPE_CHECKING:
+    from codra_dsl.report.explain import Page
+
+
+class PageFormat(StrEnum):
+    """How pages are shown."""
+
+    TEXT = "text"
+    MARKDOWN = "markdown"
+    JSON = "json"
+
+
+Codes = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="CODE", help="Codes or names of findings, e.g. CDR2003 or unknown-key; without any, all are listed."
+    ),
+]
+
+
+def explain_command(
+    codes: Codes = None,
+    *,
+    format_: Annotated[PageFormat, typer.Option("--format", help="How pages are shown.")] = PageFormat.TEXT,
+) -> None:
+    """Say what a finding means, with an example and its cure."""
+    from codra_dsl.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
+
+    pages = list(_pages(codes) if codes else all_pages())
+    match format_:
+        case PageFormat.JSON:
+            text = "".join(map(as_object, pages))
+        case PageFormat.MARKDOWN:
+            text = "\n".join(page.markdown for page in pages) if codes else list_as_markdown(pages)
+        case PageFormat.TEXT:
+            text = "\n".join(map(as_text, pages)) if codes else list_as_text(pages)
+    write_result(text)
+
+
+def _pages(asked: list[str]) -> Iterator[Page]:
+    """Yield the pages that are asked for, each once; what there is no page about is a mistake of usage."""
+    from codra_dsl.report.explain import all_rules, code_of, page_of
+    from codra_dsl.report.findings import visible
+    from codra_dsl.triage.rules import nearest_code
+
+    for each in dict.fromkeys(code_of(each) or each for each in asked):
+        page = page_of(each)
+        if page is None:
+            near = nearest_code(each)
+            way_out = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
+            raise typer.BadParameter(f"there is no finding '{visible(each)}': {way_out}", param_hint="CODE")
+        yield page

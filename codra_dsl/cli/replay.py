@@ -1,0 +1,183 @@
+"""`codra replay`: the variables and decisions of a run, derived anew from the evidence in its journal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_result
+from codra_dsl.cli.journal import JournalFile
+
+if TYPE_CHECKING:
+    from codra_dsl.runtime import Journal
+    from codra_dsl.runtime.journal import Event
+    from codra_dsl.runtime.journal.head import Head
+    from codra_dsl.runtime.outline import Outline, Rule
+    from codra_dsl.runtime.replay import Difference, Replayed
+
+Package = Annotated[
+    Path | None,
+    typer.Option(
+        "--package",
+        metavar="DIR",
+        help="The compiled package.  [default: generated/NAME in the project root]",
+        show_default=False,
+    ),
+]
+SpecOption = Annotated[
+    Path | None,
+    typer.Option("--spec", metavar="SPEC", help="Compile this spec and take that instead.", show_default=False),
+]
+Copy = Annotated[
+    Path | None,
+    typer.Option("--journal", metavar="FILE", help="Write what is derived as a journal.", show_default=False),
+]
+
+
+def replay_command(
+    file: JournalFile, *, package: Package = None, spec: SpecOption = None, journal: Copy = None
+) -> None:
+    """Derive variables and decisions anew from recorded evidence, and compare them with the journal."""
+    from codra_dsl.cli.journals import read_journal
+
+    existing([path for path in (file, package, spec) if path is not None])
+    if package is not None and spec is not None:
+        raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
+    if journal is not None and journal.resolve() == file.resolve():
+        raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
+    head, events = read_journal(file)
+    found = _replayed(head, events, package, spec, _opened(journal))
+    write_result(_told(found, head))
+    raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
+
+
+def _opened(path: Path | None) -> Journal | None:
+    from codra_dsl.runtime import Journal
+
+    try:
+        return None if path is None else Journal(path)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot write '{path}': {error.strerror}", param_hint="--journal") from error
+
+
+def _replayed(
+    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, copy: Journal | None
+) -> Replayed:
+    import tempfile
+
+    from codra_dsl.experiments.loading import load_package
+
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        folder = _compiled(spec, Path(made)) if spec is not None else package or _default(head)
+        try:
+            module = load_package(folder)
+        except Exception as error:
+            say(f"codra: '{folder}' is no package of codra that can be loaded: {type(error).__name__}: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
+        _tell_versions(head, folder)
+        return _run(head, events, module, copy)
+
+
+def _run(head: Head, events: tuple[Event, ...], module: ModuleType, copy: Journal | None) -> Replayed:
+    from codra_dsl.runtime import ContextManager
+    from codra_dsl.runtime.replay import replay
+
+    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, ContextManager)]
+    found = replay(head, events, module.MODEL, classes[-1], copy)
+    if copy is not None and copy.failure is not None:
+        say(f"codra: '{copy.path}' is not whole: {copy.failure}")
+    return found
+
+
+def _default(head: Head) -> Path:
+    """Return the package that stands where `codra compile` puts it."""
+    from codra_dsl.project import root_of
+
+    folder = root_of(Path.cwd()) / "generated" / head.spec
+    if not (folder / "manifest.json").is_file():
+        message = f"there is no package '{folder}' of '{head.spec}': say where with --package or --spec"
+        raise typer.BadParameter(message, param_hint="FILE")
+    return folder
+
+
+def _compiled(spec: Path, made: Path) -> Path:
+    """Compile a spec into a folder of this run; return the package."""
+    from codra_dsl.compiler import plan_paths
+    from codra_dsl.emit import emit
+
+    planned = plan_paths([spec], common_root([spec]))
+    if len(planned.plans) != 1:
+        say(f"codra: '{spec}' does not compile to one package: see codra lint {spec}")
+        raise typer.Exit(ExitCode.FAILED)
+    for path, text in emit(planned.plans[0]).items():
+        (made / path).parent.mkdir(parents=True, exist_ok=True)
+        (made / path).write_text(text, encoding="utf-8")
+    return made / planned.plans[0].name
+
+
+def _tell_versions(head: Head, folder: Path) -> None:
+    from codra_dsl import __version__
+    from codra_dsl.runtime.outline import manifest_of
+
+    manifest = manifest_of(folder)
+    if manifest.get("name") != head.spec:
+        say(f"codra: the journal is of '{head.spec}', the package of '{manifest.get('name')}'")
+    elif manifest.get("model") != head.model:
+        say(f"codra: the package says something else than what ran (model {head.model[:19]}...): it may differ")
+    if head.codra != __version__:
+        say(f"codra: codra {head.codra} ran it, and this is {__version__}")
+
+
+def _told(found: Replayed, head: Head) -> str:
+    counts = Counter(found.derived)
+    derived = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
+    absent = "".join(f"not compared, because the journal holds none: {kind}\n" for kind in found.absent)
+    if found.difference is None:
+        return f"equal: {found.compared} events\nderived: {derived}\n{absent}"
+    return _difference(found.difference, head) + absent
+
+
+def _difference(found: Difference, head: Head) -> str:
+    event = found.recorded or found.replayed
+    if event is None:
+        return ""
+    place = _place(event, head)
+    return (
+        f"differs at event {found.position}, {event.instant_s:.6g} s: {event.kind} {event.name}"
+        f"{f'  [{place}]' if place else ''}\n"
+        f"  journal: {_line(found.recorded)}\n"
+        f"  replay:  {_line(found.replayed)}\n"
+    )
+
+
+def _line(event: Event | None) -> str:
+    from codra_dsl.runtime.journal.encoding import message_of
+
+    return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
+
+
+def _rule(event: Event, outline: Outline) -> Rule | None:
+    """Return the rule by which an algorithm gave a variable its value, if one did."""
+    algorithm = outline.algorithms.get(event.details.get("source", ""))
+    return None if algorithm is None else algorithm.identifies.get(event.name)
+
+
+def _place(event: Event, head: Head) -> str:
+    """Return the place in the spec that an event follows from."""
+    from codra_dsl.runtime.journal import Kind
+
+    outline = head.outline
+    match event.kind:
+        case Kind.JOB if event.name in outline.algorithms:
+            place = outline.algorithms[event.name].place
+        case Kind.VARIABLE if (rule := _rule(event, outline)) is not None:
+            place = rule.place
+        case Kind.OBSERVER if event.name in outline.observers:
+            place = outline.observers[event.name].place
+        case _:
+            place = outline.places.get(f"context/{event.name}")
+    return "" if place is None else str(place)

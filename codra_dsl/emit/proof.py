@@ -1,0 +1,100 @@
+"""Proves that emitted text is Python or JSON, at the cost of what differs in it.
+
+To compile all of a large output takes longer than to make it, though most of it says the same of other things. So a
+module is cut into pieces that are complete by themselves: the statements between blank lines, and the items of long
+tuples. Of pieces that differ in nothing but plain strings and in names that the emitter gives, one is compiled. What
+cannot be cut or told apart like this is compiled as it is: cutting may make a proof slower, never weaker.
+"""
+
+from __future__ import annotations
+
+import json
+import keyword
+import re
+from collections.abc import Iterator, Mapping
+
+_PLAIN = r"[ !#-\[\]-~]*"  # printable ASCII without quotes and backslashes
+_PLAIN_DOCSTRING = re.compile(f'"""{_PLAIN}"""')
+_PLAIN_STRING = re.compile(f'"{_PLAIN}"')
+_MISLEADING = ("'", "\\", "#", "\0", *(f'{prefix}""' for prefix in "bBfFrRuU"))
+"""Where one of these is left, what was taken for a plain string may be something else."""
+
+_ACROSS_PIECES = ("__future__", "global")
+"""What may stand in one piece because of what stands in another."""
+
+_GIVEN_NAMES = tuple(re.compile(before + r"([A-Za-z][A-Za-z0-9_]*)\b") for before in ("\ndef ", r"branch\(", "build="))
+_GIVEN_NAME = re.compile(r"\n([A-Za-z][A-Za-z0-9_]*) = Algorithm\(")
+_LONG_TUPLE = re.compile(r"\w+: tuple\[\w+, \.\.\.\] = \(\n    \w+\(")
+_NEXT_ITEM = re.compile(r"\n    (?![ )])")
+
+
+class BrokenOutputError(Exception):
+    """Emitted text is neither Python nor JSON: a bug of the emitter, found before anything is replaced."""
+
+
+def prove(files: Mapping[str, str]) -> None:
+    """Read every file, by its path: `.py` with Python's compiler, the others as JSON.
+
+    Raises:
+        BrokenOutputError: naming the first file that cannot be read and what is wrong with it.
+    """
+    proven: set[str] = set()
+    for path, text in files.items():
+        try:
+            if not path.endswith(".py"):
+                json.loads(text)
+            elif not _is_proven_in_pieces(text, proven):
+                compile(text, path, "exec", dont_inherit=True)
+        except (SyntaxError, ValueError, RecursionError) as error:
+            raise BrokenOutputError(f"{path}: {error}") from error
+
+
+def _is_proven_in_pieces(text: str, proven: set[str]) -> bool:
+    """Compile the pieces of a module that are not `proven`; return whether that proves all of it."""
+    before, _, rest = text.partition('"""')
+    docstring, closing, statements = rest.partition('"""')
+    inside = docstring.replace("\n", "")
+    is_plain = inside.isascii() and inside.isprintable() and "\\" not in inside
+    if before or not closing or not is_plain or not statements.startswith("\n"):
+        return False
+    shape = _shape(statements)
+    if shape is None:
+        return False
+    for piece in _pieces(shape):
+        if piece not in proven:
+            try:
+                compile(piece, "", "exec", dont_inherit=True)
+            except (SyntaxError, ValueError, RecursionError):
+                return False
+            proven.add(piece)
+    return True
+
+
+def _shape(statements: str) -> str | None:
+    """Return statements without what their pieces may differ in, or None if that cannot be told."""
+    shape = _PLAIN_DOCSTRING.sub('""', statements)
+    if '"""' in shape:
+        return None
+    shape = _PLAIN_STRING.sub('""', shape)
+    if any(mark in shape for mark in (*_MISLEADING, *_ACROSS_PIECES)):
+        return None
+    for names in _GIVEN_NAMES:
+        shape = names.sub(_anonymous, shape)
+    return _GIVEN_NAME.sub(_anonymous, shape)
+
+
+def _anonymous(name: re.Match[str]) -> str:
+    """Return a name's text with another name in its place, unless it is none."""
+    return name[0] if keyword.iskeyword(name[1]) else name[0].replace(name[1], "name", 1)
+
+
+def _pieces(shape: str) -> Iterator[str]:
+    """Yield pieces of a module: it can be compiled if each of them can."""
+    for piece in shape.split("\n\n"):
+        opening, *items = _NEXT_ITEM.split(piece.rstrip("\n").removesuffix("\n)"))
+        closed = piece.rstrip("\n").endswith(",\n)") and all(item.endswith(",") for item in items)
+        if closed and _LONG_TUPLE.match(piece.lstrip("\n")):
+            yield f"{opening}\n)"
+            yield from (f"(\n    {item}\n)" for item in items)
+        else:
+            yield piece

@@ -1,0 +1,184 @@
+"""Where a template names parameters, and what is meant where punctuation has slipped or a name is misspelt."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.diagnostics import Fix, Place, Related, replacing, surely_means
+from codra_dsl.expression.tokens import shown
+from codra_dsl.load.findings import Findings, listed
+from codra_dsl.load.letters import letters_of
+from codra_dsl.load.misspelt import NO_WORDS, misspelt_declarations
+from codra_dsl.load.nodes import MappingNode, ScalarNode, scalars
+from codra_dsl.load.origin import Origin, Subject
+from codra_dsl.load.reader import entries
+from codra_dsl.model import Letters
+
+MAX_PUT_RIGHT = 20
+"""The most parameters of one text that are put right."""
+
+PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+
+_SPACED = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
+_UNCLOSED = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
+_UNOPENED = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+
+
+@dataclass(frozen=True, slots=True)
+class PutRight:
+    """A text with a parameter whose punctuation was put right.
+
+    Attributes:
+        written: what stands there.
+        meant: what is meant by it.
+    """
+
+    text: str
+    written: str
+    meant: str
+    message: str
+
+
+def put_right(text: str, names: Collection[str]) -> PutRight | None:
+    """Return a text whose first damaged parameter is whole: `$( door )`, `$(door`, `door)`, `$door)`, `(door)`."""
+    spaced = _SPACED.search(text)
+    if spaced is not None:
+        return _whole(text, *spaced.span(), spaced["name"] or spaced["other"], f"blanks stand in {shown(spaced[0])}")
+    unclosed = _UNCLOSED.search(text)
+    if unclosed is not None:
+        beginnings = [name for name in names if _begins(unclosed["name"], name)]
+        if not beginnings:
+            return None
+        name = max(beginnings, key=len)
+        end = unclosed.start("name") + len(name)
+        return _whole(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
+    unopened = _UNOPENED.search(text)
+    if unopened is not None and unopened["name"] in names and text.count("(") < text.count(")"):
+        message = f"'$(' is missing before {shown(unopened['name'] + ')')}"
+        return _whole(text, *unopened.span(), unopened["name"], message)
+    bare = _WITHOUT_SIGN.match(text)
+    if bare is not None and bare["name"] in names:
+        return _whole(text, *bare.span(), bare["name"], f"'$' is missing before {shown(bare[0])}")
+    return None
+
+
+def _begins(word: str, name: str) -> bool:
+    return word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_")
+
+
+def _whole(text: str, start: int, end: int, name: str, message: str) -> PutRight:
+    meant = f"$({name})"
+    return PutRight(text[:start] + meant + text[end:], text[start:end], meant, message)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mention:
+    """A parameter where it stands; `path` leads to the element around it."""
+
+    place: Place
+    written: str
+    path: str
+
+
+class Meanings:
+    """What is meant by the parameters that a template names and does not declare.
+
+    Attributes:
+        meant: for an unknown parameter the one that is meant.
+        renamed: for a parameter whose declaration is misspelt how it should be.
+    """
+
+    def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
+        self.meant: dict[str, str] = {}
+        self.renamed: dict[str, str] = {}
+        self._subject = subject
+        self._mentions: dict[str, list[_Mention]] = {}
+        for name, mention in _mentions(origin, sections):
+            self._mentions.setdefault(name, []).append(mention)
+
+    @property
+    def named(self) -> frozenset[str]:
+        """Return the names of all parameters that the template names, as they are meant."""
+        return frozenset(self.meant.get(name, name) for name in self._mentions)
+
+    def settle(self, declared: Mapping[str, Place], given: Iterable[str], findings: Findings, *, is_open: bool) -> None:
+        """Report each unknown parameter once, where the mistake is.
+
+        Args:
+            declared: the parameters, with the places of those that may be misspelt.
+            given: the names of all arguments in all uses.
+            findings: gets what is reported.
+            is_open: whether some parameter has a name that nobody knows: unknown ones may mean that.
+        """
+        unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
+        if not unknown:
+            return
+        arguments = list(given)
+        unused = [name for name in declared if name not in self._mentions and name not in arguments]
+        uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
+        blamed = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
+        for name, mentions in unknown.items():
+            if name in blamed:
+                self.renamed[blamed[name]] = name
+                self._report_declaration(blamed[name], declared[blamed[name]], name, mentions, findings)
+            else:
+                self._report_uses(name, mentions, declared, findings, is_open=is_open)
+
+    def _report_declaration(
+        self, declared: str, place: Place, name: str, mentions: list[_Mention], findings: Findings
+    ) -> None:
+        message = (
+            f"the parameter {shown(declared)} of {self._subject} is used nowhere, and {shown(name)} is not declared"
+        )
+        path = self._subject.part("parameters", declared)
+        related = [Related(f"{shown(name)} is used here", mention.place) for mention in mentions]
+        fix = replacing(place, declared, name, safe=False)
+        findings.add(
+            "unknown-parameter", message, place, help=f"did you mean '{name}'?", path=path, related=related, fix=fix
+        )
+
+    def _report_uses(
+        self, name: str, mentions: list[_Mention], declared: Mapping[str, Place], findings: Findings, *, is_open: bool
+    ) -> None:
+        near = findings.nearest(name, declared)
+        if near is not None:
+            self.meant[name] = near
+        elif is_open:
+            return
+        first, *others = mentions
+        way_out = f"did you mean '{near}'?" if near else f"parameters are {listed(declared)}"
+        message = f"unknown parameter {shown(name)} in {self._subject}"
+        related = [Related("also here", mention.place) for mention in others]
+        fix = None if near is None or others else self._renaming(first, name, near, declared)
+        findings.add("unknown-parameter", message, first.place, help=way_out, path=first.path, related=related, fix=fix)
+
+    def _renaming(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
+        """Return the fix of a misspelt parameter, where the file says it letter by letter."""
+        span = mention.place.span
+        if span.line != span.end_line or span.end_column - span.column != len(mention.written):
+            return None
+        safe = near in self._mentions and surely_means(name, near, declared)
+        return replacing(mention.place, mention.written, f"$({near})", safe=safe)
+
+
+def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[tuple[str, _Mention]]:
+    for section, elements in sections.items():
+        for key, node in entries(elements):
+            path = Subject(section, key, origin).path
+            for scalar in (scalar for part in (key, node) for scalar in scalars(part, _holds_parameter)):
+                place = _placing(origin, scalar)
+                for match in PARAMETER.finditer(scalar.text):
+                    yield match["name"], _Mention(place(*match.span()), match[0], path)
+
+
+def _holds_parameter(scalar: ScalarNode) -> bool:
+    return "$(" in scalar.text and not scalar.reported
+
+
+def _placing(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
+    """Return what gives the place of a range of a scalar's text."""
+    letters = Letters(origin.place, letters_of(scalar, origin.source.text))
+    return lambda start, end: letters.place(start, end) or origin.of(scalar)

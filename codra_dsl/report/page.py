@@ -1,0 +1,89 @@
+"""The dependency graph as one page: a single file that needs no network, for any browser.
+
+Whatever comes from a spec stands in the page as data that nothing runs; the page's policy lets only its own script run,
+which is named by its digest.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from html import escape
+from importlib.resources import files
+
+from codra_dsl.report.dot import MAX_QUICK, DrawingError, drawing
+from codra_dsl.report.findings import visible
+from codra_dsl.report.graphs import Element, Graph
+from codra_dsl.report.looks import EDGES, NODES, WORST_CASE, edges_of, label_of, latency_of, nodes_of, shown
+
+_SLOT = re.compile(r"\{\{([A-Z]+)\}\}")
+
+
+def render_html(graph: Graph) -> str:
+    """Return the graph as a page to explore: search, pan and zoom, what a node needs and what needs it."""
+    folder = files("codra_dsl.report") / "viewer"
+    page, style, script = ((folder / name).read_text("utf-8") for name in ("page.html", "style.css", "script.js"))
+    digest = base64.b64encode(hashlib.sha256(f"\n{script}".encode()).digest()).decode()
+    parts = {
+        "TITLE": escape(f"{', '.join(graph.specs)}: dependency graph"),
+        "STYLE": style,
+        "DIGEST": f"sha256-{digest}",
+        "DRAWING": _drawing(graph),
+        "DATA": _inert(_data(graph)),
+        "SCRIPT": script,
+    }
+    return _SLOT.sub(lambda slot: parts[slot[1]], page)
+
+
+def _drawing(graph: Graph) -> str:
+    """Return what Graphviz draws, or nothing where it is slow or not there: then the page lays the graph out itself."""
+    if len(graph.elements) > MAX_QUICK:
+        return ""
+    try:
+        return drawing(graph)
+    except DrawingError:
+        return ""
+
+
+def _inert(value: object) -> str:
+    """Return JSON that ends no element and begins none, wherever it stands in a page."""
+    text = json.dumps(value, separators=(",", ":"))
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _data(graph: Graph) -> Mapping[str, object]:
+    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    return {
+        "title": ", ".join(graph.specs),
+        "specs": graph.specs,
+        "nodes": [_node(element) for element in graph.elements],
+        "edges": [(*(numbers[end] for end in link.flow), link.kind.value) for link in graph.links],
+        "kinds": {kind.value: NODES[kind].meaning for kind in nodes_of(graph)},
+        "arrows": {kind.value: EDGES[kind].sentence for kind in edges_of(graph)},
+        "latency": WORST_CASE if any(element.worst_case_s is not None for element in graph.elements) else "",
+    }
+
+
+_FACTS = {"type": "Type", "call": "Calls", "period_s": "Looks every"}
+
+
+def _node(element: Element) -> Mapping[str, object]:
+    facts = {_FACTS[name]: value for name, value in element.about.items() if name in _FACTS}
+    if "Looks every" in facts:
+        facts["Looks every"] = f"{facts['Looks every']:g} s"
+    return {
+        "id": element.id,
+        "kind": shown(element).value,
+        "name": element.name,
+        "label": label_of(element),
+        "spec": element.spec,
+        "group": element.group,
+        "place": f"{element.file}:{element.line}",
+        "description": visible(element.description),
+        "worst_case_s": element.worst_case_s,
+        "latency": latency_of(element),
+        "facts": facts,
+    }

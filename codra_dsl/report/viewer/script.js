@@ -1,0 +1,660 @@
+"use strict";
+// The graph arrives as data and, where Graphviz was there, as a drawing. Nothing is fetched and nothing is stored.
+
+const data = JSON.parse(document.getElementById("data").textContent);
+const { nodes, edges, kinds, arrows, latency } = data;
+const find = (id) => document.getElementById(id);
+const SVG = "http://www.w3.org/2000/svg";
+
+const needs = nodes.map(() => []);
+const neededBy = nodes.map(() => []);
+edges.forEach(([need, user, kind], number) => {
+  needs[user].push([need, kind, number]);
+  neededBy[need].push([user, kind, number]);
+});
+
+const boxes = new Map();
+nodes.forEach((node, number) => {
+  const key = node.spec + "/" + node.group;
+  if (!boxes.has(key)) boxes.set(key, { key, label: data.specs.length > 1 ? key : node.group, members: [] });
+  boxes.get(key).members.push(number);
+});
+const boxOf = (number) => nodes[number].spec + "/" + nodes[number].group;
+
+const LARGE = 150; // nodes; beyond, the page opens with an overview
+const state = {
+  view: nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole",
+  node: null, // the chosen node
+  box: null, // the chosen box
+  members: null, // what the part view is about, where that is no node
+  hidden: new Set(),
+  help: nodes.length > LARGE,
+};
+
+// ---- small helpers
+
+function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== false) made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children);
+  return made;
+}
+
+function shape(name, attributes = {}, ...children) {
+  const made = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  made.append(...children);
+  return made;
+}
+
+function reach(start, neighbours, steps) {
+  const reached = new Set(start);
+  let edge = [...start];
+  while (edge.length && steps-- > 0) {
+    const next = [];
+    for (const one of edge) for (const [other] of neighbours[one]) if (!reached.has(other)) { reached.add(other); next.push(other); }
+    edge = next;
+  }
+  return reached;
+}
+
+const counted = (list) => `${list.length} node${list.length === 1 ? "" : "s"}`;
+
+// ---- layout in columns: what is needed stands left of who needs it
+
+function columnsOf(count, links) {
+  const out = Array.from({ length: count }, () => []);
+  const into = Array.from({ length: count }, () => []);
+  for (const [from, to] of links) if (from !== to) { out[from].push(to); into[to].push(from); }
+  const seen = new Uint8Array(count), order = [];
+  for (let root = count - 1; root >= 0; root--) {
+    if (seen[root]) continue;
+    const stack = [[root, out[root].length]];
+    seen[root] = 1;
+    while (stack.length) {
+      const top = stack[stack.length - 1];
+      if (top[1] > 0) {
+        const next = out[top[0]][--top[1]];
+        if (!seen[next]) { seen[next] = 1; stack.push([next, out[next].length]); }
+      } else { order.push(top[0]); stack.pop(); }
+    }
+  }
+  order.reverse();
+  const place = new Int32Array(count);
+  order.forEach((number, index) => (place[number] = index));
+  const forward = (from, to) => place[from] < place[to]; // the others close a circle
+  const rank = new Int32Array(count);
+  for (const from of order) for (const to of out[from]) if (forward(from, to)) rank[to] = Math.max(rank[to], rank[from] + 1);
+  for (const number of order) {
+    const later = out[number].filter((to) => forward(number, to)).map((to) => rank[to]);
+    if (!into[number].length && later.length) rank[number] = Math.min(...later) - 1;
+  }
+  return { rank, out, into, order };
+}
+
+function isotonic(wanted, sizes, gap) {
+  // Nearest to where each wants to be, in order and without overlap: pool what would collide.
+  const pools = [];
+  let offset = 0;
+  const offsets = wanted.map((_, index) => { const at = offset + sizes[index] / 2; offset += sizes[index] + gap; return at; });
+  wanted.forEach((at, index) => {
+    pools.push({ sum: at - offsets[index], count: 1 });
+    while (pools.length > 1 && pools[pools.length - 2].sum / pools[pools.length - 2].count > pools[pools.length - 1].sum / pools[pools.length - 1].count) {
+      const last = pools.pop();
+      pools[pools.length - 1].sum += last.sum;
+      pools[pools.length - 1].count += last.count;
+    }
+  });
+  const placed = [];
+  for (const pool of pools) for (let i = 0; i < pool.count; i++) placed.push(pool.sum / pool.count + offsets[placed.length]);
+  return placed;
+}
+
+const TALL = 20; // more in one column stand in several beside each other
+
+const MAX_BENDS = 4000;
+
+function bent(items, links, rank) {
+  // A link over several columns gets a bend in each, which takes room there, so that it passes between the nodes.
+  const all = [...items], ranks = [...rank], ways = [], parts = [];
+  const wide = new Set();
+  const heights = new Map();
+  rank.forEach((column) => heights.set(column, (heights.get(column) ?? 0) + 1));
+  for (const [column, count] of heights) if (count > TALL) wide.add(column);
+  for (const [from, to] of links) {
+    const way = [from];
+    if (all.length - items.length < MAX_BENDS) {
+      for (let column = rank[from] + 1; column < rank[to]; column++) {
+        if (wide.has(column)) continue;
+        way.push(all.length);
+        all.push({ width: 0, height: 8 });
+        ranks.push(column);
+      }
+    }
+    way.push(to);
+    ways.push(way);
+    way.slice(1).forEach((end, index) => parts.push([way[index], end]));
+  }
+  return { all, ranks, ways, parts };
+}
+
+function layOut(nodesOnly, linksOnly) {
+  const first = columnsOf(nodesOnly.length, linksOnly);
+  const { all: items, ranks: rank, ways, parts: links } = bent(nodesOnly, linksOnly, first.rank);
+  const { out, into, order } = columnsOf(items.length, links);
+  const columns = [];
+  for (const number of order) (columns[rank[number]] ??= []).push(number);
+  const filled = columns.filter(Boolean);
+  const row = new Float64Array(items.length);
+  filled.forEach((column) => column.forEach((number, index) => (row[number] = index)));
+  const mean = (list) => list.reduce((sum, other) => sum + row[other], 0) / list.length;
+  for (let sweep = 0; sweep < 12; sweep++) {
+    const forward = sweep % 2 === 0;
+    for (const column of forward ? filled : [...filled].reverse()) {
+      const aim = new Map(column.map((number, index) => {
+        const list = forward ? into[number] : out[number];
+        return [number, list.length ? mean(list) : row[number] ?? index];
+      }));
+      column.sort((one, other) => aim.get(one) - aim.get(other));
+      column.forEach((number, index) => (row[number] = index * (100 / column.length)));
+    }
+  }
+  const gap = 14;
+  const y = new Float64Array(items.length), x = new Float64Array(items.length);
+  for (const column of filled) {
+    const parts = Math.ceil(column.length / TALL);
+    let offset = 0;
+    column.forEach((number, index) => {
+      if (parts > 1) { y[number] = Math.floor(index / parts) * (items[number].height + gap); return; }
+      y[number] = offset + items[number].height / 2;
+      offset += items[number].height + gap;
+    });
+  }
+  for (let sweep = 0; sweep < 10; sweep++) {
+    for (const column of sweep % 2 ? [...filled].reverse() : filled) {
+      if (column.length > TALL) continue;
+      const wanted = column.map((number) => {
+        const near = [...into[number], ...out[number]];
+        return near.length ? near.reduce((sum, other) => sum + y[other], 0) / near.length : y[number];
+      });
+      isotonic(wanted, column.map((number) => items[number].height), gap).forEach((at, index) => (y[column[index]] = at));
+    }
+  }
+  let left = 0;
+  for (const column of filled) {
+    const parts = Math.ceil(column.length / TALL);
+    const width = Math.max(...column.map((number) => items[number].width));
+    column.forEach((number, index) => (x[number] = left + width / 2 + (index % parts) * (width + 24)));
+    left += parts * (width + 24) - 24 + Math.min(160, 70 + 4 * column.length);
+  }
+  const at = items.map((_, number) => ({ x: x[number], y: y[number] }));
+  return { at, ways: ways.map((way) => way.slice(1, -1).map((bend) => at[bend])) };
+}
+
+// ---- drawing
+
+const pen = document.createElement("canvas").getContext("2d");
+pen.font = '12px "DejaVu Sans", Verdana, Arial, sans-serif';
+
+function sized(lines, kind) {
+  const width = Math.max(40, ...lines.map((line) => pen.measureText(line).width));
+  return { width: width + (kind === "observer" ? 44 : kind === "skill" ? 32 : 20), height: 12 + 15 * lines.length };
+}
+
+function outline(kind, width, height) {
+  const w = width / 2, h = height / 2;
+  if (kind === "observer") return shape("polygon", { points: `${-w},0 ${-w + 14},${-h} ${w - 14},${-h} ${w},0 ${w - 14},${h} ${-w + 14},${h}` });
+  if (kind === "skill") return shape("polygon", { points: `${-w},${-h} ${w - 10},${-h} ${w},0 ${w - 10},${h} ${-w},${h}` });
+  const round = kind === "context" || kind === "given" || kind === "box" ? 7 : 0;
+  return shape("rect", { x: -w, y: -h, width, height, rx: round });
+}
+
+function backwards(from, to) {
+  // Whoever needs it stands left of it, or above: a circle. The arrow goes round below both.
+  const low = Math.max(from.y + from.height / 2, to.y + to.height / 2) + 46, foot = to.y + to.height / 2 + 7;
+  const line = `M${from.x},${from.y + from.height / 2}C${from.x},${low} ${to.x},${low} ${to.x},${foot}`;
+  return [line, `${to.x - 3.5},${foot} ${to.x},${foot - 7} ${to.x + 3.5},${foot}`];
+}
+
+function drawn(items, links) {
+  const { at, ways } = layOut(items, links);
+  const world = shape("g", { class: "world" });
+  const forwards = (from, to, bends, both) => {
+    const x1 = from.x + from.width / 2 + (both ? 7 : 0), x2 = to.x - to.width / 2 - 7;
+    const stops = [{ x: x1, y: from.y }, ...bends, { x: x2, y: to.y }];
+    const line = stops.slice(1).reduce((path, stop, index) => {
+      const before = stops[index], bend = (stop.x - before.x) * 0.45;
+      return `${path}C${before.x + bend},${before.y} ${stop.x - bend},${stop.y} ${stop.x},${stop.y}`;
+    }, `M${stops[0].x},${stops[0].y}`);
+    const heads = [`${x2},${to.y - 3.5} ${x2 + 7},${to.y} ${x2},${to.y + 3.5}`];
+    if (both) heads.push(`${x1},${from.y - 3.5} ${x1 - 7},${from.y} ${x1},${from.y + 3.5}`);
+    return [line, ...heads];
+  };
+  const edgeShapes = links.map(([from, to, kind], number) => {
+    const ends = [from, to].map((end) => ({ ...at[end], width: items[end].width, height: items[end].height }));
+    const [line, ...heads] = at[to].x - items[to].width / 2 > at[from].x + items[from].width / 2 ? forwards(...ends, ways[number], kind.endsWith("both")) : backwards(...ends);
+    const made = shape("g", { class: `edge ${kind}` }, shape("path", { d: line }), ...heads.map((points) => shape("polygon", { points })));
+    world.append(made);
+    return made;
+  });
+  const nodeShapes = items.map((item, number) => {
+    const made = shape("g", { class: `node ${item.kind}`, transform: `translate(${at[number].x} ${at[number].y})` }, outline(item.kind, item.width, item.height));
+    item.lines.forEach((line, index) => {
+      const text = shape("text", { "text-anchor": "middle", y: 4 + 15 * (index - (item.lines.length - 1) / 2) });
+      if (index) text.setAttribute("class", "more");
+      text.textContent = line;
+      made.append(text);
+    });
+    world.append(made);
+    return made;
+  });
+  return { world, nodeShapes, edgeShapes };
+}
+
+const nodeItem = (number) => {
+  const { kind, label, latency } = nodes[number];
+  const lines = latency ? [label, latency] : [label];
+  return { kind, lines, ...sized(lines, kind) };
+};
+
+// A picture knows its shapes by what they stand for.
+
+function picturePart(members) {
+  const numbers = [...members].filter((number) => !state.hidden.has(nodes[number].kind)).sort((one, other) => one - other);
+  const index = new Map(numbers.map((number, position) => [number, position]));
+  const inside = edges.map((edge, number) => [edge, number]).filter(([[from, to]]) => index.has(from) && index.has(to));
+  const { world, nodeShapes, edgeShapes } = drawn(numbers.map(nodeItem), inside.map(([[from, to, kind]]) => [index.get(from), index.get(to), kind]));
+  return {
+    world,
+    nodes: new Map(numbers.map((number, position) => [number, nodeShapes[position]])),
+    edges: new Map(inside.map(([, number], position) => [number, edgeShapes[position]])),
+  };
+}
+
+function pictureWhole() {
+  const given = find("drawing").querySelector("svg");
+  if (!given) return picturePart(nodes.keys());
+  const world = shape("g", { class: "world" });
+  world.append(...[...given.children].map((child) => child.cloneNode(true)));
+  const shapes = (letter, list) => new Map(list.map((_, number) => [number, world.querySelector(`#${letter}${number}`)]).filter(([, each]) => each));
+  const picture = { world, nodes: shapes("n", nodes), edges: shapes("e", edges) };
+  for (const [number, each] of picture.nodes) each.classList.toggle("gone", state.hidden.has(nodes[number].kind));
+  for (const [number, each] of picture.edges) each.classList.toggle("gone", edges[number].slice(0, 2).some((end) => state.hidden.has(nodes[end].kind)));
+  return picture;
+}
+
+function pictureOverview() {
+  const list = [...boxes.values()];
+  const index = new Map(list.map((box, number) => [box.key, number]));
+  const counts = new Map();
+  for (const [need, user] of edges) {
+    const from = index.get(boxOf(need)), to = index.get(boxOf(user));
+    if (from === to || counts.has(`${from} ${to}`)) continue;
+    const opposite = counts.get(`${to} ${from}`); // then one line has two heads
+    if (opposite) opposite[2] = "several both";
+    else counts.set(`${from} ${to}`, [from, to, "several"]);
+  }
+  const items = list.map((box) => {
+    const worst = Math.max(...box.members.map((number) => nodes[number].worst_case_s ?? 0));
+    const lines = [box.label, `${counted(box.members)}${worst ? `, ≤ ${Number(worst.toFixed(3))} s` : ""}`];
+    return { kind: "box", lines, ...sized(lines, "box") };
+  });
+  const { world, nodeShapes } = drawn(items, [...counts.values()]);
+  return { world, nodes: new Map(), edges: new Map(), boxes: new Map(list.map((box, number) => [box.key, nodeShapes[number]])) };
+}
+
+// ---- the stage: pan and zoom
+
+const stage = find("stage");
+let picture = null, view = { x: 0, y: 0, scale: 1 }, fitted = true;
+
+function place() {
+  picture.world.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
+}
+
+function extent(shapes) {
+  const world = picture.inner.getScreenCTM().inverse();
+  const corners = shapes.flatMap((each) => {
+    const there = world.multiply(each.getScreenCTM()), own = each.getBBox();
+    return [[own.x, own.y], [own.x + own.width, own.y + own.height]].map(([x, y]) => new DOMPoint(x, y).matrixTransform(there));
+  });
+  const xs = corners.map((point) => point.x), ys = corners.map((point) => point.y);
+  const [x, y] = [Math.min(...xs), Math.min(...ys)];
+  return { x, y, width: Math.max(...xs) - x, height: Math.max(...ys) - y };
+}
+
+function fit() {
+  // To what the chosen node touches, else to everything.
+  const touched = state.node === null ? [] : [...picture.nodes.values()].filter((each) => !each.matches(".away, .gone"));
+  const frame = stage.getBoundingClientRect(), box = touched.length ? extent(touched) : picture.inner.getBBox();
+  if (!box.width || !frame.width) return;
+  const scale = Math.min((frame.width - 40) / box.width, (frame.height - 40) / box.height, 1.4);
+  view = { scale, x: (frame.width - box.width * scale) / 2 - box.x * scale, y: (frame.height - box.height * scale) / 2 - box.y * scale };
+  fitted = true;
+  place();
+}
+
+function zoom(factor, x = stage.clientWidth / 2, y = stage.clientHeight / 2) {
+  fitted = false;
+  const scale = Math.min(8, Math.max(0.02, view.scale * factor));
+  view = { scale, x: x - ((x - view.x) * scale) / view.scale, y: y - ((y - view.y) * scale) / view.scale };
+  place();
+}
+
+stage.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  const frame = stage.getBoundingClientRect();
+  zoom(Math.exp(-event.deltaY * (event.deltaMode ? 0.05 : 0.0016)), event.clientX - frame.left, event.clientY - frame.top);
+}, { passive: false });
+
+const fingers = new Map();
+let moved = 0;
+stage.addEventListener("pointerdown", (event) => { fingers.set(event.pointerId, event); moved = 0; });
+window.addEventListener("pointermove", (event) => {
+  const before = fingers.get(event.pointerId);
+  if (!before) return;
+  const other = [...fingers.values()].find((each) => each.pointerId !== event.pointerId);
+  if (other) {
+    const frame = stage.getBoundingClientRect();
+    const apart = (one) => Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+    zoom(apart(event) / Math.max(1, apart(before)), other.clientX - frame.left, other.clientY - frame.top);
+  } else {
+    fitted = false;
+    view.x += event.clientX - before.clientX;
+    view.y += event.clientY - before.clientY;
+    place();
+  }
+  moved += Math.hypot(event.clientX - before.clientX, event.clientY - before.clientY);
+  stage.classList.toggle("dragging", moved > 4);
+  fingers.set(event.pointerId, event);
+});
+for (const end of ["pointerup", "pointercancel"]) window.addEventListener(end, (event) => { fingers.delete(event.pointerId); stage.classList.remove("dragging"); });
+
+// ---- showing
+
+function show({ refit = true } = {}) {
+  const around = state.view === "part" ? partMembers() : null;
+  picture = state.view === "overview" ? pictureOverview() : around ? picturePart(around) : pictureWhole();
+  const outer = shape("svg", {});
+  picture.inner = picture.world;
+  picture.world = shape("g", {}, picture.inner);
+  outer.append(picture.world);
+  stage.replaceChildren(outer);
+  prepare();
+  mark();
+  controls();
+  tell();
+  if (refit) fit(); else place();
+}
+
+function partMembers() {
+  const steps = Number(find("steps").value);
+  if (state.node !== null) return new Set([...reach([state.node], needs, steps), ...reach([state.node], neededBy, steps)]);
+  const own = state.members ?? [...nodes.keys()];
+  return new Set([...own, ...reach(own, needs, 1)]);
+}
+
+function prepare() {
+  const label = (number) => `${nodes[number].label}, ${kinds[nodes[number].kind]}${nodes[number].latency ? ", " + nodes[number].latency : ""}`;
+  const ready = (each, name, act) => {
+    each.setAttribute("tabindex", "-1");
+    each.setAttribute("role", "button");
+    each.setAttribute("aria-label", name);
+    each.addEventListener("click", () => { if (moved <= 4) { act(); each.focus?.({ preventScroll: true }); } });
+    each.addEventListener("keydown", (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); act(); } });
+    each.addEventListener("focus", () => { stage.querySelectorAll('[tabindex="0"]').forEach((old) => old.setAttribute("tabindex", "-1")); each.setAttribute("tabindex", "0"); });
+  };
+  for (const [number, each] of picture.nodes) ready(each, label(number), () => choose(number));
+  for (const [key, each] of picture.boxes ?? []) {
+    ready(each, `${boxes.get(key).label}, ${counted(boxes.get(key).members)}`, () => chooseBox(key));
+    each.addEventListener("dblclick", () => openBox(key));
+  }
+  const first = [...(picture.boxes ?? picture.nodes).values()].find((each) => !each.classList.contains("gone"));
+  first?.setAttribute("tabindex", "0");
+}
+
+function mark() {
+  const related = state.node === null ? null : new Set([...reach([state.node], needs, Infinity), ...reach([state.node], neededBy, Infinity)]);
+  const back = state.node === null ? null : reach([state.node], needs, Infinity), ahead = state.node === null ? null : reach([state.node], neededBy, Infinity);
+  for (const [number, each] of picture.nodes) {
+    each.classList.toggle("away", related !== null && !related.has(number));
+    each.classList.toggle("chosen", number === state.node);
+  }
+  for (const [number, each] of picture.edges) {
+    const [from, to] = edges[number];
+    each.classList.toggle("away", related !== null && !((back.has(from) && back.has(to)) || (ahead.has(from) && ahead.has(to))));
+  }
+  for (const [key, each] of picture.boxes ?? []) each.classList.toggle("chosen", key === state.box);
+}
+
+function choose(number) {
+  state.node = number;
+  state.box = null;
+  if (number !== null && state.hidden.delete(nodes[number].kind)) legend();
+  history.replaceState(null, "", number === null ? "#" : "#" + encodeURIComponent(nodes[number].id));
+  if (state.view === "overview" && number !== null) state.view = "part";
+  if (state.view === "part") { if (number === null && !state.members) state.view = home(); show(); }
+  else { if (number !== null && !picture.nodes.get(number)?.isConnected) show({ refit: false }); mark(); controls(); tell(); if (fitted) fit(); }
+  bringIn(picture.nodes.get(number));
+}
+
+function bringIn(each) {
+  if (!each) return;
+  const frame = stage.getBoundingClientRect(), box = each.getBoundingClientRect();
+  const shift = (low, high, least, most) => (low < least + 8 ? least + 8 - low : high > most - 8 ? most - 8 - high : 0);
+  view.x += shift(box.left, box.right, frame.left, frame.right);
+  view.y += shift(box.top, box.bottom, frame.top, frame.bottom);
+  place();
+}
+
+function reveal(number) {
+  if (nodes.length > LARGE) state.view = "part"; // where it stands in the whole, its neighbours may be far away
+  choose(number);
+  picture.nodes.get(number)?.focus({ preventScroll: true });
+}
+
+function chooseBox(key) { state.box = key; state.node = null; mark(); controls(); tell(); }
+function openBox(key) { state.members = boxes.get(key).members; state.box = key; state.node = null; state.view = "part"; show(); }
+const home = () => (nodes.length > LARGE && boxes.size > 1 ? "overview" : "whole");
+
+function go(name) {
+  state.view = name;
+  if (name !== "part") state.members = null;
+  if (name === "overview") state.node = null;
+  show();
+  if (name === "whole") bringIn(picture.nodes.get(state.node));
+}
+
+function controls() {
+  const names = { overview: `Overview (${boxes.size})`, whole: `All (${nodes.length})`, part: state.node === null && (state.box || state.members) ? "Around the chosen group" : "Around the chosen node" };
+  const able = { overview: boxes.size > 1, whole: true, part: state.node !== null || state.members !== null || state.box !== null };
+  const focused = document.activeElement?.name === "view";
+  find("views").replaceChildren(...Object.entries(names).map(([name, label]) => element("label", {},
+    element("input", { type: "radio", name: "view", value: name, checked: state.view === name, disabled: !able[name], onchange: () => name === "part" && state.node === null && state.box ? openBox(state.box) : go(name) }), label)));
+  if (focused) find("views").querySelector("input:checked")?.focus();
+  find("steps-label").hidden = !(state.view === "part" && state.node !== null);
+}
+
+// ---- the panel
+
+const goTo = (number) => element("li", {}, element("button", { type: "button", onclick: () => reveal(number) }, element("span", { class: `dot ${nodes[number].kind}` }), nodes[number].label));
+
+function listed(title, numbers) {
+  if (!numbers.length) return [];
+  return [element("h3", {}, `${title} (${numbers.length})`), element("ul", {}, ...numbers.map(goTo))];
+}
+
+function facts(pairs) {
+  return element("dl", {}, ...pairs.filter(([, value]) => value !== undefined && value !== null && value !== "").flatMap(([name, value]) => [element("dt", {}, name), element("dd", {}, String(value))]));
+}
+
+function tell() {
+  const panel = find("panel");
+  const hidden = state.node === null && state.box === null && !state.help;
+  if (panel.hidden !== hidden) {
+    panel.hidden = hidden;
+    if (fitted && picture) fit();
+  }
+  find("help").setAttribute("aria-pressed", String(state.help));
+  if (state.node !== null) panel.replaceChildren(...aboutNode(state.node));
+  else if (state.box !== null) panel.replaceChildren(...aboutBox(boxes.get(state.box)));
+  else panel.replaceChildren(...help());
+  panel.scrollTop = 0;
+}
+
+function aboutNode(number) {
+  const node = nodes[number];
+  const known = node.kind === "given" ? "when somebody who may write it tells it" : node.worst_case_s === null ? "" : `at the latest ${Number(node.worst_case_s.toFixed(3))} s after it is declared`;
+  const direct = (list) => [...new Set(list.map(([other]) => other))];
+  const before = [...reach([number], needs, Infinity)].length - 1, after = [...reach([number], neededBy, Infinity)].length - 1;
+  return [
+    element("h2", {}, node.label),
+    element("small", {}, `${kinds[node.kind]}`),
+    node.description ? element("p", {}, node.description) : "",
+    facts([["Name", node.name], ["Place", node.place], ["Known", known], ...Object.entries(node.facts), ["In all", `needs ${before}, is needed by ${after}`]]),
+    element("button", { type: "button", onclick: () => go(state.view === "part" ? home() : "part") }, state.view === "part" ? "Back" : "Show only what it touches"),
+    " ", element("button", { type: "button", onclick: () => choose(null) }, "Let go"),
+    ...listed("Needs", direct(needs[number])),
+    ...listed("Is needed by", direct(neededBy[number])),
+  ];
+}
+
+function aboutBox(box) {
+  const by = (kind) => box.members.filter((number) => nodes[number].kind === kind);
+  return [
+    element("h2", {}, box.label),
+    element("small", {}, `${counted(box.members)} that one use of a template, or one file, declares`),
+    state.view === "part" ? "" : element("p", {}, element("button", { type: "button", onclick: () => openBox(box.key) }, "Show what is in it")),
+    ...Object.keys(kinds).flatMap((kind) => listed(kinds[kind], by(kind))),
+  ];
+}
+
+function help() {
+  const by = (kind) => [...nodes.keys()].filter((number) => nodes[number].kind === kind);
+  return [
+    element("h2", {}, data.title),
+    element("p", {}, Object.keys(kinds).map((kind) => `${by(kind).length} × ${kinds[kind]}`).join(", ") + "."),
+    element("p", {}, "Arrows lead from what is needed to who needs it. Choose a node to see all that it needs and all that needs it."),
+    element("p", {}, element("small", {}, "Drag to move, wheel to zoom. Keys: / search, arrows walk from node to node, Enter chooses, Escape lets go, + − 0 zoom.")),
+    ...listed("Start from a skill", by("skill")),
+  ];
+}
+
+// ---- legend and filter
+
+function legend() {
+  const toggles = Object.keys(kinds).map((kind) => element("label", { title: "Show or hide" },
+    element("input", { type: "checkbox", checked: !state.hidden.has(kind), onchange: (event) => { state.hidden[event.target.checked ? "delete" : "add"](kind); if (state.node !== null && state.hidden.has(nodes[state.node].kind)) state.node = null; show({ refit: false }); } }),
+    element("span", { class: `swatch ${kind}` }), kinds[kind]));
+  const samples = Object.entries(arrows).map(([kind, sentence]) => {
+    const text = (x, letter) => { const made = shape("text", { x, y: 13 }); made.textContent = letter; return made; };
+    const arrow = shape("g", { class: `edge ${kind}` }, shape("path", { d: "M14,9H43" }), shape("polygon", { points: "43,5.5 50,9 43,12.5" }));
+    return element("label", {}, shape("svg", { "aria-hidden": "true" }, text(2, "A"), arrow, text(54, "B")), sentence);
+  });
+  const bound = latency ? [element("label", {}, "≤ 1 s", element("small", {}, latency))] : [];
+  find("legend").replaceChildren(...toggles, ...samples, ...bound);
+}
+
+// ---- search
+
+const fold = (text) => text.toLowerCase();
+const haystacks = nodes.map((node) => fold([node.label, node.name, node.id, node.place, node.description, ...Object.values(node.facts)].join("\n")));
+let hits = [], picked = 0;
+
+function search() {
+  const words = fold(find("search").value).split(/\s+/).filter(Boolean);
+  hits = words.length ? [...nodes.keys()].filter((number) => words.every((word) => haystacks[number].includes(word))) : [];
+  const rank = (number) => (fold(nodes[number].label).startsWith(words[0]) ? 0 : fold(nodes[number].label).includes(words[0]) ? 1 : 2);
+  hits.sort((one, other) => rank(one) - rank(other) || one - other);
+  picked = 0;
+  drawHits(words.length > 0);
+}
+
+function drawHits(open) {
+  const list = find("hits");
+  list.hidden = !open;
+  find("search").setAttribute("aria-expanded", String(open));
+  const shown = hits.slice(0, 60).map((number, index) => element("li", { role: "option", id: `hit${index}`, "aria-selected": String(index === picked), onpointerdown: (event) => { event.preventDefault(); take(index); } },
+    element("span", { class: `dot ${nodes[number].kind}` }), nodes[number].label, " ", element("small", {}, nodes[number].place)));
+  const rest = hits.length > 60 ? [element("li", { "aria-disabled": "true" }, `and ${hits.length - 60} more`)] : [];
+  list.replaceChildren(...shown, ...rest, ...(open && !hits.length ? [element("li", { "aria-disabled": "true" }, "nothing found")] : []));
+  if (open && hits.length) find("search").setAttribute("aria-activedescendant", `hit${picked}`); else find("search").removeAttribute("aria-activedescendant");
+  list.children[picked]?.scrollIntoView({ block: "nearest" });
+}
+
+function take(index) {
+  if (hits[index] === undefined) return;
+  const number = hits[index];
+  drawHits(false);
+  reveal(number);
+}
+
+find("search").addEventListener("input", search);
+find("search").addEventListener("focus", () => find("search").value && search());
+find("search").addEventListener("blur", () => drawHits(false));
+find("search").addEventListener("keydown", (event) => {
+  const last = Math.min(hits.length, 60) - 1;
+  if (event.key === "ArrowDown") picked = Math.min(last, picked + 1);
+  else if (event.key === "ArrowUp") picked = Math.max(0, picked - 1);
+  else if (event.key === "Enter") { event.preventDefault(); take(picked); return; }
+  else if (event.key === "Escape") { event.stopPropagation(); find("search").value = ""; search(); find("search").blur(); return; }
+  else return;
+  event.preventDefault();
+  drawHits(true);
+});
+
+// ---- keys
+
+function walk(key) {
+  const focused = [...picture.nodes].find(([, each]) => each === document.activeElement);
+  const boxed = [...(picture.boxes ?? [])].find(([, each]) => each === document.activeElement);
+  if (!focused && !boxed) return false;
+  const here = (focused ?? boxed)[1].getBoundingClientRect();
+  const candidates = boxed ? [...picture.boxes.values()] : key === "ArrowLeft" || key === "ArrowRight"
+    ? (key === "ArrowLeft" ? needs : neededBy)[focused[0]].map(([other]) => picture.nodes.get(other)).filter(Boolean) : [...picture.nodes.values()];
+  const middle = (box) => [box.left + box.width / 2, box.top + box.height / 2];
+  const [x, y] = middle(here);
+  const sideways = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[key];
+  let best = null, least = Infinity;
+  for (const each of candidates) {
+    if (each === (focused ?? boxed)[1] || each.classList.contains("gone")) continue;
+    const [otherX, otherY] = middle(each.getBoundingClientRect());
+    const along = (otherX - x) * sideways[0] + (otherY - y) * sideways[1];
+    const across = Math.abs((otherX - x) * sideways[1]) + Math.abs((otherY - y) * sideways[0]);
+    const cost = along > 1 ? along + 3 * across : focused && (key === "ArrowLeft" || key === "ArrowRight") ? 1e6 + across : Infinity;
+    if (cost < least) { least = cost; best = each; }
+  }
+  if (!best) return true;
+  best.focus({ preventScroll: true });
+  bringIn(best);
+  return true;
+}
+
+window.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const typing = event.target.matches?.("input, select");
+  if (event.key === "Escape") { if (state.node !== null) choose(null); else if (state.view !== home()) go(home()); else { state.box = null; mark(); tell(); } return; }
+  if (typing) return;
+  if (event.key === "/") { event.preventDefault(); find("search").focus(); find("search").select(); }
+  else if (event.key === "+" || event.key === "=") zoom(1.25);
+  else if (event.key === "-") zoom(0.8);
+  else if (event.key === "0") fit();
+  else if (event.key.startsWith("Arrow") && walk(event.key)) event.preventDefault();
+});
+
+find("zoom-in").addEventListener("click", () => zoom(1.25));
+find("zoom-out").addEventListener("click", () => zoom(0.8));
+find("fit").addEventListener("click", () => fit());
+find("help").addEventListener("click", () => { state.help = !state.help; tell(); });
+find("steps").value = nodes.length > LARGE ? "3" : "99999";
+find("steps").addEventListener("change", () => show());
+find("views").addEventListener("submit", (event) => event.preventDefault());
+window.addEventListener("resize", () => { if (fitted) fit(); });
+
+legend();
+show();
+const linked = nodes.findIndex((node) => "#" + encodeURIComponent(node.id) === location.hash || "#" + node.id === location.hash);
+if (linked >= 0) reveal(linked);

@@ -1,0 +1,369 @@
+"""What became of perception algorithms: what their functions get and give, guards, results, times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
+
+from codra_dsl.check.checked import CheckedAlgorithm
+from codra_dsl.diagnostics import Place
+from codra_dsl.model import Access, Algorithm, Condition, Hysteresis, Identification, Kind, Literal, Members, ValueType
+from codra_dsl.review.changes import Category, Change
+from codra_dsl.review.guards import Domain, Domains, Relation, base_names, domain, equal, relation, same_choice
+from codra_dsl.review.terms import Form, Known, Types, condition_form, value_key
+from codra_dsl.review.variables import described, lost_and_gained, same_measure
+from codra_dsl.review.version import Pair, Side, seconds
+
+_NUMERIC = (Kind.INT, Kind.FLOAT)
+
+_GUARDS: Mapping[Relation, tuple[Category, str]] = {
+    Relation.WEAKER: (Category.WEAKER, "holds more often"),
+    Relation.STRONGER: (Category.STRONGER, "holds less often"),
+    Relation.OTHER: (Category.GUARD_CHANGED, "holds in other situations"),
+}
+
+
+def algorithm_changes(pair: Pair) -> Iterator[Change]:
+    """Yield what became of each algorithm that observers run in both versions, or that took the place of another."""
+    for name, successor in pair.algorithms.items():
+        yield from _Comparison(pair, pair.old.algorithms[name], pair.new.algorithms[successor]).changes()
+    yield from _successions(pair)
+
+
+def _successions(pair: Pair) -> Iterator[Change]:
+    """Yield how the guards of algorithms differ from those whose place they took altogether."""
+    told: dict[tuple[str, str], None] = {}
+    for variable, before in pair.old.producers.items():
+        after = pair.new.producers.get(variable, ())
+        kept = {pair.algorithms.get(name) for name in before} & set(after)
+        if after and not kept:
+            told[before[0], after[0]] = None
+    for old, new in told:
+        yield from _Comparison(pair, pair.old.algorithms[old], pair.new.algorithms[new]).observability()
+
+
+class _Comparison:
+    """The comparison of an algorithm in A with one in B."""
+
+    def __init__(self, pair: Pair, old: CheckedAlgorithm, new: CheckedAlgorithm) -> None:
+        self._pair = pair
+        self._old, self._new = old.algorithm, new.algorithm
+        self._checked = old, new
+
+    def changes(self) -> Iterator[Change]:
+        """Yield all that is another."""
+        if self._old.name != self._new.name:
+            yield self._change(Category.RENAMED, "name", "has another name", self._old.name, self._new.name)
+        if self._old.call == self._new.call:
+            yield from self._arguments()
+            yield from self._results()
+        else:
+            message = "another function is called"
+            yield self._change(Category.PERCEIVED_OTHERWISE, "call", message, self._old.call, self._new.call)
+        yield from self._execution()
+        yield from self.observability()
+        yield from self._acceptance()
+        yield from self._identification()
+        yield from self._waiting()
+
+    def _change(
+        self,
+        category: Category,
+        key: str,
+        message: str,
+        *told: str | None,
+        places: tuple[Place, Place] | None = None,
+    ) -> Change:
+        was, now = told or (None, None)
+        before, after = places or (_at(self._old, key), _at(self._new, key))
+        return Change(
+            category=category,
+            element=self._pair.new.id("perception", self._new.name),
+            key=key,
+            message=message,
+            was=was,
+            now=now,
+            before=before,
+            after=after,
+        )
+
+    # What the function gets and gives
+
+    def _arguments(self) -> Iterator[Change]:
+        old, new = dict(self._old.parameters), dict(self._new.parameters)
+        kinds = ({name: _kind(value) for name, value in each.items()} for each in (old, new))
+        before, after = kinds
+        if before != after:
+            yield self._contract("with", before, after)
+        elif old != new:
+            changed = [name for name in old if old[name] != new[name]]
+            was, now = (", ".join(f"{name}: {each[name]!r}" for name in changed) for each in (old, new))
+            yield self._change(Category.PERCEIVED_OTHERWISE, "with", "gets another value", was, now)
+        for key, read in _ARGUMENTS.items():
+            one, other = read(self._old), read(self._new)
+            if set(one) != set(other):
+                yield self._contract(key, dict.fromkeys(one, ""), dict.fromkeys(other, ""))
+
+    def _contract(self, key: str, old: Mapping[str, str], new: Mapping[str, str]) -> Change:
+        was, now = (_listed(f"{name} {kind}".rstrip() for name, kind in each.items()) for each in (old, new))
+        return self._change(Category.CONTRACT, key, f"the function gets other arguments by '{key}'", was, now)
+
+    def _results(self) -> Iterator[Change]:
+        old, new = ({each.name: each for each in algorithm.returns} for algorithm in (self._old, self._new))
+        for name in dict.fromkeys((*old, *new)):
+            one, other = old.get(name), new.get(name)
+            was, now = (None if each is None else _told(each.type, optional=each.optional) for each in (one, other))
+            if one is None or other is None:
+                eased = other is not None and other.optional
+                category = Category.EASED if eased else Category.CONTRACT
+                message = (
+                    f"may now return '{name}'" if eased else f"must {'no longer' if one else 'now'} return '{name}'"
+                )
+            else:
+                category, message = _given_otherwise(one.type, other.type, one.optional, other.optional, name)
+            if message:
+                places = (one.place if one else self._old.place, other.place if other else self._new.place)
+                yield self._change(category, f"returns.{name}", message, was, now, places=places)
+
+    def _execution(self) -> Iterator[Change]:
+        old, new = self._old, self._new
+        if old.isolate is not new.isolate:
+            yield self._change(Category.PERCEIVED_OTHERWISE, "isolate", "runs elsewhere", old.isolate, new.isolate)
+        if old.timeout_s != new.timeout_s:
+            longer = new.timeout_s > old.timeout_s
+            category = Category.SLOWER if longer else Category.STRONGER
+            message = f"'timeout' is {'longer' if longer else 'shorter'}"
+            yield self._change(category, "timeout", message, seconds(old.timeout_s), seconds(new.timeout_s))
+        if old.min_interval_s != new.min_interval_s:
+            longer = new.min_interval_s > old.min_interval_s
+            category = Category.SLOWER if longer else Category.FASTER
+            message = f"'min_interval' is {'longer' if longer else 'shorter'}"
+            yield self._change(
+                category, "min_interval", message, seconds(old.min_interval_s), seconds(new.min_interval_s)
+            )
+
+    # Guards
+
+    def observability(self) -> Iterator[Change]:
+        """Yield what became of `observable_when` and `given` together."""
+        sides = (self._pair.old, self._pair.new)
+        types = [{name: each.type for name, each in side.variables.items()} for side in sides]
+        given = [[Known(reference.name) for reference in each.given] for each in (self._old, self._new)]
+        conditions = (self._old.observable_when, self._new.observable_when)
+        yield from self._guard("observable_when", conditions, types, given)
+
+    def _acceptance(self) -> Iterator[Change]:
+        types = [_returned(self._old), _returned(self._new)]
+        yield from self._guard("accept_when", (self._old.accept_when, self._new.accept_when), types, [[], []])
+
+    def _guard(
+        self,
+        key: str,
+        conditions: tuple[tuple[Condition, ...], tuple[Condition, ...]],
+        types: list[dict[str, ValueType]],
+        given: list[list[Known]],
+    ) -> Iterator[Change]:
+        forms: list[list[Form]] = [
+            [*(_form(condition, seen) for condition in each), *known]
+            for each, seen, known in zip(conditions, types, given, strict=True)
+        ]
+        if set(forms[0]) == set(forms[1]):
+            return
+        domains = _domains(*types)
+        judged = base_names(chain(*forms)) <= set(domains)
+        decided = relation(forms[0], forms[1], domains) if judged else Relation.OTHER
+        if decided is not Relation.SAME:
+            category, message = _GUARDS[decided]
+            was, now = _only(forms, conditions, given)
+            yield self._change(
+                category, key, f"'{key}' {message}", was, now, places=self._places(key, conditions, forms)
+            )
+
+    def _places(
+        self, key: str, conditions: tuple[tuple[Condition, ...], ...], forms: list[list[Form]]
+    ) -> tuple[Place, Place]:
+        """Return the first condition on each side that the other lacks, else where the key stands."""
+        found = []
+        for algorithm, mine, own, others in zip(
+            (self._old, self._new), conditions, forms, reversed(forms), strict=True
+        ):
+            strange = [each.place for each, form in zip(mine, own, strict=False) if form not in others]
+            found.append(strange[0] if strange else _at(algorithm, key))
+        return found[0], found[1]
+
+    # What a result means
+
+    def _identification(self) -> Iterator[Change]:
+        old, new = ({each.variable.name: each for each in one.identifies} for one in (self._old, self._new))
+        for name in old:
+            if name in new and name in self._pair.old.variables and name in self._pair.new.variables:
+                yield from self._identified(old[name], new[name])
+
+    def _identified(self, old: Identification, new: Identification) -> Iterator[Change]:
+        places = old.variable.place, new.variable.place
+        key = f"identifies.{old.variable.name}"
+        if not self._means_the_same(old, new):
+            was, now = _said(old), _said(new)
+            message = f"'{old.variable.name}' follows otherwise from the result"
+            yield self._change(Category.REDEFINED, key, message, was, now, places=places)
+        before, after = _confirmed(old), _confirmed(new)
+        if before != after:
+            category, message = _confirmation(before, after)
+            was, now = (f"{count} of {total}" for count, total in (before, after))
+            yield self._change(category, key, message, was, now, places=places)
+
+    def _means_the_same(self, old: Identification, new: Identification) -> bool:
+        name = old.variable.name
+        variables = self._pair.old.variables[name], self._pair.new.variables[name]
+        if variables[0].type.kind is not variables[1].type.kind:
+            return True  # told as another type
+        types = _returned(self._old), _returned(self._new)
+        domains = _domains(*types)
+        if set(types[0]) & set(types[1]) - set(domains):
+            return _said(old) == _said(new)
+        return _same_meaning(old, new, types, domains, variables[0].type.kind)
+
+    # Time
+
+    def _waiting(self) -> Iterator[Change]:
+        """Yield whether it waits for what takes longer than what it waited for, by the times of one version."""
+        needs = [set(each.waits_for) for each in self._checked]
+        was_s, now_s = _longest(needs[0], self._pair.new, self._pair.old), _longest(needs[1], self._pair.new)
+        if now_s > was_s:
+            named = _listed(f"'{each}'" for each in sorted(needs[1] - needs[0]))
+            message = f"waits for {named}, which takes longer"
+            yield self._change(Category.SLOWER, "observable_when", message, seconds(was_s), seconds(now_s))
+        was_s, now_s = _longest(needs[0], self._pair.old), _longest(needs[1], self._pair.old, self._pair.new)
+        if now_s < was_s:
+            named = _listed(f"'{each}'" for each in sorted(needs[0] - needs[1]))
+            message = f"no longer waits for {named}"
+            yield self._change(Category.FASTER, "observable_when", message, seconds(was_s), seconds(now_s))
+
+
+_ARGUMENTS: Mapping[str, Callable[[Algorithm], tuple[str, ...]]] = {
+    "given": lambda each: tuple(reference.name for reference in each.given),
+    "uses": lambda each: tuple(use.resource.name for use in each.uses if use.access is Access.READ),
+}
+"""The names of arguments by the key that gives them."""
+
+
+def _at(algorithm: Algorithm, key: str) -> Place:
+    return algorithm.places.get(key, algorithm.place)
+
+
+def _returned(algorithm: Algorithm) -> dict[str, ValueType]:
+    return {each.name: each.type for each in algorithm.returns}
+
+
+def _kind(value: Literal) -> str:
+    return type(value).__name__
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "none"
+
+
+def _told(declared: ValueType, *, optional: bool) -> str:
+    return f"{described(declared)}{', optional' if optional else ''}"
+
+
+def _given_otherwise(
+    old: ValueType, new: ValueType, was_optional: bool, is_optional: bool, name: str
+) -> tuple[Category, str]:
+    """Return the category of a returned value's change, and what it means: nothing where there is none."""
+    if not same_measure(old, new):
+        return Category.CONTRACT, f"must return '{name}' as something else"
+    lost, gained = lost_and_gained(old, new)
+    if lost or (was_optional and not is_optional):
+        return Category.CONTRACT, f"may return less as '{name}'"
+    eased = gained or is_optional is not was_optional
+    return Category.EASED, f"may return more as '{name}'" if eased else ""
+
+
+def _form(condition: Condition, types: Types) -> Form:
+    assert condition.tree is not None  # of a checked spec
+    return condition_form(condition.tree, types)
+
+
+def _domains(old: Types, new: Types) -> dict[str, Domain]:
+    """Return what each name can be; a name that is something else altogether in the other version is left out."""
+    either = {name: domain(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
+    return {name: found for name, found in either.items() if found is not None}
+
+
+def _only(
+    forms: list[list[Form]],
+    conditions: tuple[tuple[Condition, ...], ...],
+    given: list[list[Known]],
+) -> tuple[str, str]:
+    """Return the conditions that each side has and the other has not, as text."""
+    told = []
+    for mine, others, texts, known in zip(forms, reversed(forms), conditions, given, strict=True):
+        all_texts = [condition.text for condition in texts] + [f"known({each.name})" for each in known]
+        strange = [text for form, text in zip(mine, all_texts, strict=True) if form not in others]
+        told.append(" and ".join(f"'{text}'" for text in strange) or "no such condition")
+    return told[0], told[1]
+
+
+def _said(entry: Identification) -> str:
+    by = entry.by
+    if isinstance(by, Members):
+        return "; ".join(f"{member.name}: {condition.text}" for member, condition in by.cases)
+    if isinstance(by, Hysteresis):
+        leave = "" if by.leave is None else f"; leave: {by.leave.text}"
+        return f"enter: {by.enter.text}{leave}"
+    return f"'{by.text}'"
+
+
+def _confirmed(entry: Identification) -> tuple[int, int]:
+    by = entry.by
+    return by.confirm if isinstance(by, Hysteresis) and by.confirm is not None else (1, 1)
+
+
+def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> tuple[Category, str]:
+    (count, total), (new_count, new_total) = before, after
+    if new_count <= count and (new_count == 1 or new_total >= total):
+        return Category.WEAKER, "is confirmed by fewer looks"
+    if new_count >= count and (count == 1 or new_total <= total):
+        return Category.STRONGER, "needs more looks to be confirmed"
+    return Category.GUARD_CHANGED, "is confirmed by another rule"
+
+
+def _same_meaning(
+    old: Identification, new: Identification, types: tuple[Types, Types], domains: Domains, kind: Kind
+) -> bool:
+    one, other = old.by, new.by
+    if isinstance(one, Members) and isinstance(other, Members):
+        cases = (
+            [(member.name, _form(condition, seen)) for member, condition in by.cases]
+            for by, seen in ((one, types[0]), (other, types[1]))
+        )
+        return same_choice(next(cases), next(cases), domains)
+    parts = _parts(one), _parts(other)
+    if None in chain.from_iterable(parts) or len(parts[0]) != len(parts[1]):
+        return False
+    return all(
+        _same_value(mine, theirs, types, domains, kind)
+        for mine, theirs in zip(*parts, strict=True)
+        if mine is not None and theirs is not None
+    )
+
+
+def _parts(by: Condition | Members | Hysteresis) -> tuple[Condition | None, ...]:
+    if isinstance(by, Hysteresis):
+        return (by.enter,) if by.leave is None else (by.enter, by.leave)
+    return (None,) if isinstance(by, Members) else (by,)
+
+
+def _same_value(one: Condition, other: Condition, types: tuple[Types, Types], domains: Domains, kind: Kind) -> bool:
+    assert one.tree is not None
+    assert other.tree is not None
+    if kind is Kind.BOOL:
+        return equal(_form(one, types[0]), _form(other, types[1]), domains)
+    return value_key(one.tree, types[0]) == value_key(other.tree, types[1])
+
+
+def _longest(names: Iterable[str], side: Side, otherwise: Side | None = None) -> float:
+    """Return the longest time that one of some variables takes; those that a side lacks take that of the other."""
+    missing = {} if otherwise is None else otherwise.worst_s
+    return max((side.worst_s.get(name, missing.get(name, 0.0)) for name in names), default=0.0)

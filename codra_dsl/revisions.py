@@ -1,0 +1,220 @@
+"""What a project held in a revision: spec files out of git's objects, in a folder of their own.
+
+Nothing is checked out, and nothing that the repository configures is run: neither hooks nor filters, monitors, pagers
+or transports. Symbolic links and submodules are not followed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import IO
+
+from codra_dsl.diagnostics import suggest
+
+MAX_FILES = 20_000
+MAX_FILE_BYTES = 32 * 1024 * 1024
+MAX_TOTAL_BYTES = 512 * 1024 * 1024
+
+_GIT = (
+    *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
+    *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
+)
+# What is inherited could point git at another repository, or let it start a program.
+_CLEAN = {
+    "GIT_ALLOW_PROTOCOL": "none",
+    "GIT_NO_LAZY_FETCH": "1",
+    "GIT_OPTIONAL_LOCKS": "0",
+    "GIT_TERMINAL_PROMPT": "0",
+    "LC_ALL": "C",
+}
+_SETTINGS = "pyproject.toml"
+_SUFFIXES = (".yaml", ".yml")
+_FILE_MODES = ("100644", "100755")
+_LINK_MODE = "120000"
+_WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
+
+
+class RevisionError(Exception):
+    """A revision cannot be read; the message says why, and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A file in a tree of git."""
+
+    mode: str
+    object_name: str
+    size: int
+    path: PurePosixPath
+
+
+@dataclass(frozen=True, slots=True)
+class Repository:
+    """A git repository by its working folder."""
+
+    top: Path
+
+    @staticmethod
+    def around(path: Path) -> Repository:
+        """Return the repository that a path is in; the path itself need not exist.
+
+        Raises:
+            RevisionError: if there is none.
+        """
+        folder = next(each for each in (path, *path.parents) if each.is_dir())
+        done = _run(("rev-parse", "--show-toplevel"), folder)
+        if done.returncode != 0:
+            reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
+            raise RevisionError(f"'{folder}' is in no git repository that can be read: {reason}")
+        return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
+
+    def commit(self, name: str) -> str:
+        """Return the object name of a revision's commit.
+
+        Raises:
+            RevisionError: if there is no such revision.
+        """
+        if name.startswith("-"):
+            raise RevisionError(f"'{name}' is no revision: names of revisions do not begin with '-'")
+        if ".." in name:
+            raise RevisionError(f"'{name}' is a range: name both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
+        if ":" in name:
+            raise RevisionError(f"'{name}' is no revision: name the path after both versions")
+        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        if done.returncode != 0 or not name:
+            raise RevisionError(
+                f"'{name}' is neither a path here nor a revision of '{self.top.name}'{self._near(name)}"
+            )
+        return done.stdout.decode().strip()
+
+    def extract(self, commit: str, below: PurePosixPath, into: Path) -> tuple[PurePosixPath, ...]:
+        """Write the spec files of a revision into a folder, under their paths in the repository.
+
+        Args:
+            commit: its object name.
+            below: the folder within the repository that is wanted.
+            into: an empty folder that nobody else writes to.
+
+        Returns:
+            The symbolic links that would have been spec files.
+
+        Raises:
+            RevisionError: if it holds too much, or not everything is here.
+        """
+        found = tuple(self._entries(commit))
+        inside = [each for each in found if each.path.is_relative_to(below)]
+        wanted = [each for each in inside if each.mode in _FILE_MODES and each.path.name.endswith(_SUFFIXES)]
+        wanted += [each for each in found if each.path.name == _SETTINGS and below.is_relative_to(each.path.parent)]
+        wanted += [each for each in inside if each.path.name == _SETTINGS and each.path.parent != below]
+        written = self._write(dict.fromkeys(wanted), into)
+        named = set(_included(into / entry.path for entry in written))
+        others = [each for each in inside if each.mode in _FILE_MODES and os.fsencode(each.path.name) in named]
+        self._write(dict.fromkeys(each for each in others if each not in written), into)
+        return tuple(each.path for each in inside if each.mode == _LINK_MODE and each.path.name.endswith(_SUFFIXES))
+
+    def _near(self, name: str) -> str:
+        done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
+        names = ["HEAD", *os.fsdecode(done.stdout).split()]
+        remote = next((each for each in sorted(names) if each.endswith(f"/{name}")), None)
+        near = remote or suggest(name, names)
+        if near:
+            return f" (did you mean '{near}'?)"
+        if self._is_shallow():
+            return " (this clone is shallow: fetch the revision first)"
+        return " (name a file, a folder, a branch, a tag or a commit)"
+
+    def _is_shallow(self) -> bool:
+        return _run(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
+
+    def _entries(self, commit: str) -> Iterator[_Entry]:
+        done = _run(("ls-tree", "-r", "-z", "-l", "--full-tree", commit), self.top)
+        if done.returncode != 0:
+            raise RevisionError(f"the files of {commit[:12]} cannot be listed: {os.fsdecode(done.stderr).strip()}")
+        for line in done.stdout.split(b"\0"):
+            head, _, name = line.partition(b"\t")
+            fields = head.decode().split()
+            path = PurePosixPath(os.fsdecode(name))
+            if len(fields) == 4 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
+                yield _Entry(fields[0], fields[2], int(fields[3]) if fields[3].isdigit() else 0, path)
+
+    def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
+        chosen = tuple(each for each in entries if each.mode in _FILE_MODES)
+        if len(chosen) > MAX_FILES or sum(min(each.size, MAX_FILE_BYTES) for each in chosen) > MAX_TOTAL_BYTES:
+            raise RevisionError("too much YAML to compare: name the specs that matter as PATH")
+        small = [each for each in chosen if each.size <= MAX_FILE_BYTES]
+        for entry, data in zip(small, self._blobs([each.object_name for each in small]), strict=True):
+            target = into / entry.path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+        for entry in set(chosen) - set(small):  # as large, so that reading it says that it is too large
+            target = into / entry.path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as stream:
+                stream.truncate(MAX_FILE_BYTES + 1)
+        return chosen
+
+    def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
+        if not object_names:
+            return
+        command = (*_GIT, "cat-file", "--batch")
+        process = subprocess.Popen(
+            command,
+            cwd=self.top,
+            env=_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        with process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            try:
+                for name in object_names:
+                    process.stdin.write(f"{name}\n".encode())
+                    process.stdin.flush()
+                    yield _blob(process.stdout)
+            finally:
+                process.stdin.close()
+                process.stdout.close()
+
+
+def _blob(stream: IO[bytes]) -> bytes:
+    fields = stream.readline().split()
+    if len(fields) != 3 or fields[1] != b"blob":
+        raise RevisionError("not all files of the revision are here: fetch it whole, without a filter")
+    size = int(fields[2])
+    data = stream.read(size + 1)
+    return data[:size]
+
+
+def _included(files: Iterable[Path]) -> Iterator[bytes]:
+    """Yield the words of files that include others: the names of parts that do not end as YAML files do."""
+    for file in files:
+        data = file.read_bytes()
+        if b"include" in data and b"codra" in data:
+            yield from _WORDS.findall(data)
+
+
+def _run(arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[bytes]:
+    try:
+        return subprocess.run(
+            (*_GIT, *arguments),
+            cwd=folder,
+            env=_environment(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
+        )
+    except FileNotFoundError as error:
+        raise RevisionError("git is not installed: compare two folders instead") from error
+    except (OSError, ValueError) as error:
+        raise RevisionError(f"git cannot be run: {error}") from error
+
+
+def _environment() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _CLEAN

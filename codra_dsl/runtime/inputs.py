@@ -1,0 +1,286 @@
+"""All that reaches the context manager from outside, one step each: calls of programs, told to the journal and done.
+
+What observers, jobs and timers do follows from these inputs, from what perception returned, and from time. A journal
+that holds both can therefore be replayed: the same inputs, taken at the same places, give the same events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.agents import NotASourceError
+from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.clock import LockedClock
+from codra_dsl.runtime.decisions import Decision, Demand
+from codra_dsl.runtime.declarations import Declarations
+from codra_dsl.runtime.forest import Forest
+from codra_dsl.runtime.journal import Kind, Scribe
+from codra_dsl.runtime.model import SkillModel, VariableModel
+from codra_dsl.runtime.slots import MAIN_EXECUTION, Slots, Ticket
+from codra_dsl.runtime.store import Store
+
+MAIN = "main_execution"
+OBSERVER = "observer"
+_EXPECTED = "expected"
+
+
+class NotDeclaredError(PermissionError):
+    """The main execution wrote a variable that is not its own and that it has not declared."""
+
+
+class Inputs:
+    """What programs ask of the context manager, on names and values that have been checked. Nothing here waits."""
+
+    def __init__(
+        self,
+        *,
+        clock: LockedClock,
+        scribe: Scribe,
+        store: Store,
+        forest: Forest,
+        slots: Slots,
+        skills: Mapping[str, SkillModel],
+        explain: Callable[[Reading[Value]], Reading[Value]],
+    ) -> None:
+        """Take inputs for the parts of a context manager.
+
+        Args:
+            clock: makes each input a step.
+            scribe: is told each input.
+            store: holds the variables.
+            forest: starts and stops observers.
+            slots: of shared resources.
+            skills: by name.
+            explain: adds to an unknown reading what keeps the variable from being observed now.
+        """
+        self._clock = clock
+        self._scribe = scribe
+        self._store = store
+        self._forest = forest
+        self._slots = slots
+        self._skills = skills
+        self._explain = explain
+        self.declarations = Declarations(self._enter, self._leave)
+        self._expected: list[str] = []
+        self._begun: dict[int, str] = {}
+        self._skills_begun = 0
+        self._decisions_asked = 0
+        self._tickets: dict[int, Ticket] = {}
+        self._slots_asked = 0
+
+    # What the main execution declares (P1, Equation 4)
+
+    def declare(self, name: str) -> None:
+        """Take a variable into C_E(t)."""
+        with self._clock:
+            self._tell("declare", variable=name)
+            self.declarations.hold(MAIN, (*self.declarations.of(MAIN), name))
+
+    def withdraw(self, name: str) -> None:
+        """Take back what `declare` said."""
+        with self._clock:
+            self._tell("withdraw", variable=name)
+            self.declarations.hold(MAIN, (other for other in self.declarations.of(MAIN) if other != name))
+
+    def expect(self, skills: Iterable[str]) -> None:
+        """Let these skills come next, and no others."""
+        with self._clock:
+            expected = list(skills)
+            self._tell("expect", skills=expected)
+            self._hold_expected(expected)
+
+    def begin(self, name: str) -> int:
+        """Begin a skill; return its number, by which it ends."""
+        with self._clock:
+            self._tell("begin", skill=name)
+            self._skills_begun += 1
+            number = self._skills_begun
+            self._begun[number] = f"skill {name} {number}"
+            skill = self._skills[name]
+            self.declarations.hold(self._begun[number], (*skill.preview, *skill.monitor))
+            self._hold_expected([other for other in self._expected if other != name])
+            return number
+
+    def act(self, name: str) -> None:
+        """Make unknown what a skill changes."""
+        with self._clock:
+            self._tell("act", skill=name)
+            for variable in self._skills[name].changes:
+                self._store.invalidate(variable, name, MAIN)
+
+    def finish(self, number: int) -> None:
+        """End a skill."""
+        with self._clock:
+            self._tell("finish", number=number)
+            self.declarations.hold(self._begun.pop(number), ())
+
+    def close(self) -> None:
+        """Withdraw everything."""
+        with self._clock:
+            self._tell("close")
+            self._expected.clear()
+            for holder in self.declarations.holders():
+                self.declarations.hold(holder, ())
+
+    # What programs know
+
+    def write(self, name: str, content: Value | None, writer: str, evidence_s: float | None) -> None:
+        """Write a variable as the main execution or an agent.
+
+        Raises:
+            NotDeclaredError: if it is for others to write and is not declared.
+            NotASourceError: if an agent writes what is for others to write.
+            ValueError: if the evidence lies in the future.
+        """
+        evidence_s = None if evidence_s is None else float(evidence_s)
+        with self._clock:
+            self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
+            model = self._store.variables[name]
+            if writer == MAIN and not self._may_write(name):
+                raise NotDeclaredError(
+                    f"{name!r} is for {' or '.join(model.sources)} to write: "
+                    f"the main execution may only while it has declared it{_way_of_agents(model)}"
+                )
+            if writer not in (MAIN, *model.sources):
+                self._scribe.tell(Kind.VARIABLE, name, "refused", value=content, source=writer)
+                raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
+            self._store_reading(name, content, writer, evidence_s=evidence_s)
+
+    # Decisions
+
+    def ask(self, demand: Demand) -> Decision:
+        """Ask whether context answers a decision."""
+        with self._clock:
+            self._decisions_asked += 1
+            self._tell("decide", number=self._decisions_asked, **_stated(demand))
+            now_s, reading = self._clock.now_s(), self._store.reading(demand.variable)
+            decision = Decision(number=self._decisions_asked, demand=demand, asked_s=now_s, reading=reading)
+            self._look_up(decision)
+            if not decision.met and demand.wait_up_to_s > 0:
+                return decision
+            self._settle(decision)
+            return decision
+
+    def resume(self, decision: Decision) -> None:
+        """Ask again, after waiting."""
+        with self._clock:
+            self._tell("waited", number=decision.number)
+            self._look_up(decision)
+            self._settle(decision)
+
+    def conclude(self, decision: Decision, found: Value | None, raised: str | None = None) -> None:
+        """Take what the main execution found when it looked itself, or the name of the error that looking raised."""
+        name, shadow = decision.demand.variable, decision.demand.shadow
+        with self._clock:
+            self._tell("found", number=decision.number, value=found, raised=raised)
+            what = "shadowed" if decision.met else "fell_back"
+            if raised is not None:
+                self._decided(what, decision, raised=raised)
+                return
+            keeps = not shadow and found is not None and self._may_write(name)
+            agrees = {"agrees": found == decision.reading.content}
+            self._decided(what, decision, **(agrees if decision.met else {"found": found, "kept": keeps}))
+            if keeps:
+                self._store_reading(name, found, MAIN, start_s=decision.looked_s)
+
+    # Slots
+
+    def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
+        """Queue the main execution for slots; return the number by which they are given back."""
+        with self._clock:
+            self._tell("request", resources=list(resources))
+            self._slots_asked += 1
+            self._tickets[self._slots_asked] = self._slots.request(resources, MAIN_EXECUTION, grant)
+            return self._slots_asked
+
+    def release_slots(self, number: int) -> None:
+        """Give slots back, or leave the queue."""
+        with self._clock:
+            self._tell("release", number=number)
+            self._slots.release(self._tickets.pop(number))
+
+    # Within
+
+    def _tell(self, what: str, **details: object) -> None:
+        self._scribe.tell_input(MAIN, what, **details)
+
+    def _hold_expected(self, skills: list[str]) -> None:
+        self._expected = skills
+        previews = (name for skill in skills for name in self._skills[skill].preview)
+        self.declarations.hold(_EXPECTED, previews)
+
+    def _enter(self, name: str, holder: str) -> None:
+        self._scribe.tell(Kind.DECLARATION, name, "declared", holder=holder)
+        self._forest.declare(name)
+
+    def _leave(self, name: str, holder: str) -> None:
+        self._scribe.tell(Kind.DECLARATION, name, "withdrawn", holder=holder)
+        self._forest.withdraw(name)
+
+    def _may_write(self, name: str) -> bool:
+        return MAIN in self._store.variables[name].sources or name in self.declarations
+
+    def _store_reading(
+        self,
+        name: str,
+        content: Value | None,
+        writer: str,
+        *,
+        evidence_s: float | None = None,
+        start_s: float | None = None,
+    ) -> None:
+        now_s = self._clock.now_s()
+        evidence_s = now_s if evidence_s is None else evidence_s
+        if not evidence_s <= now_s:
+            raise ValueError(f"evidence for {name!r} was taken at {now_s} at the latest, not at {evidence_s}")
+        reason = Reason.REJECTED if content is None else None
+        self._store.write(
+            Reading(
+                name=name,
+                content=content,
+                reason=reason,
+                evidence_s=evidence_s,
+                start_s=evidence_s if start_s is None else start_s,
+                identified_s=now_s,
+                source=writer,
+            )
+        )
+
+    def _look_up(self, decision: Decision) -> None:
+        decision.reading = self._store.reading(decision.demand.variable)
+        decision.met = decision.demand.is_met(decision.reading, self._clock.now_s())
+
+    def _settle(self, decision: Decision) -> None:
+        """Answer a decision from context, or let the main execution look."""
+        if decision.is_answered:
+            self._decided("answered", decision)
+        else:
+            decision.reading = self._explain(decision.reading)
+            decision.looked_s = self._clock.now_s()
+
+    def _decided(self, what: str, decision: Decision, **details: object) -> None:
+        reading = decision.reading
+        why = {"reason": reading.reason, "detail": reading.detail}
+        about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
+        self._scribe.tell(Kind.DECISION, reading.name, what, **about, **details)
+
+
+def _stated(demand: Demand) -> dict[str, object]:
+    """Return what a decision asks beyond what all ask."""
+    told: dict[str, object] = {"variable": demand.variable}
+    if demand.max_age_s < math.inf:
+        told["max_age_s"] = demand.max_age_s
+    if demand.since_s > -math.inf:
+        told["since_s"] = demand.since_s
+    if demand.wait_up_to_s > 0:
+        told["wait_up_to_s"] = demand.wait_up_to_s
+    if demand.shadow:
+        told["shadow"] = True
+    return told
+
+
+def _way_of_agents(model: VariableModel) -> str:
+    agents = [source for source in model.sources if source not in (MAIN, OBSERVER)]
+    return f", and an agent writes with agent({agents[0]!r}).set" if agents else ""

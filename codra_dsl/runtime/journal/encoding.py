@@ -1,0 +1,71 @@
+"""Events as the JSON of a journal's messages, and back, without loss.
+
+What is None is left out. A number that is not finite becomes `1e999`, which is JSON and reads as infinity.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from codra_dsl.runtime.journal.events import Event, Kind
+
+_encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
+
+_SCALARS = frozenset({bool, int, float, str})
+
+
+def message_of(event: Event) -> bytes:
+    """Return the JSON text of an event; its kind is that of the topic."""
+    plain: dict[str, Any] = {"instant_s": event.instant_s, "name": event.name, "what": event.what}
+    for key, detail in event.details.items():
+        if type(detail) in _SCALARS:
+            plain[key] = detail
+        elif isinstance(detail, Mapping):
+            plain[key] = {name: part for name, part in detail.items() if part is not None}
+        elif detail is not None:
+            plain[key] = detail
+    if event.kind is Kind.INPUT:
+        _make_uniform(plain)
+    return json_text(plain).encode()
+
+
+def _make_uniform(plain: dict[str, Any]) -> None:
+    """Give the fields that inputs share one type each."""
+    if "value" in plain:
+        plain["value"] = json_text(plain["value"])
+    if isinstance(plain.get("evidence_s"), float):
+        plain["evidence_s"] = [plain["evidence_s"]]
+
+
+def event_of(kind: Kind, data: bytes) -> Event:
+    """Return the event of a message.
+
+    Raises:
+        ValueError: if it is none; KeyError and TypeError likewise.
+    """
+    plain = json.loads(data)
+    instant_s, name, what = plain.pop("instant_s"), plain.pop("name"), plain.pop("what")
+    if kind is Kind.INPUT and "value" in plain:
+        plain["value"] = json.loads(plain["value"])
+    return Event(float(instant_s), kind, str(name), str(what), plain)
+
+
+def json_text(value: Any) -> str:
+    """Return plain data as JSON."""
+    try:
+        return _encoded(value)
+    except ValueError:  # a number that is not finite
+        return _spelt_out(value)
+
+
+def _spelt_out(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{json.dumps(key)}:{_spelt_out(part)}" for key, part in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ",".join(map(_spelt_out, value)) + "]"
+    if isinstance(value, float) and not math.isfinite(value):
+        return "null" if value != value else "1e999" if value > 0 else "-1e999"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,137 @@
+"""A file of MCAP's format (https://mcap.dev/spec) that loses nothing when its writer is killed.
+
+Messages go into compressed chunks. A chunk that is not full yet exists only in memory, so each of its records is also
+put, by one write to the operating system, into a region before all chunks that is as large as one of them. When
+the chunk itself is written, that region begins anew. The region is one record whose opcode MCAP leaves to applications:
+every reader skips it. In a finished file it is empty.
+
+A record in the region is framed by its length, a checksum, and the offset at which its chunk will stand. If a whole
+chunk stands there, the region has nothing to add.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Channel, McapRecord, Schema
+from mcap.writer import Writer
+
+OPEN_CHUNK = 0x80
+"""The opcode of the record that holds the chunk which is not full yet."""
+
+CHUNK_BYTES = 1 << 16
+"""How much is compressed together at most, and how large the region is."""
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD = struct.Struct("<BQ")
+_FRAME = struct.Struct("<IIQ")
+_MESSAGE = struct.Struct("<BQHIQQ")
+_IN_MESSAGE = _MESSAGE.size - RECORD.size
+_ALL_CHUNKS_BYTES = 1 << 62  # the writer never ends a chunk by itself
+
+
+class McapFile:
+    """A journal's file while it is written."""
+
+    def __init__(self, stream: BinaryIO, metadata: Mapping[str, Mapping[str, str]], files: Mapping[str, bytes]) -> None:
+        """Write what stands before all messages.
+
+        Args:
+            stream: an empty file that can be read and written at any place.
+            metadata: what tools show of the file, by name.
+            files: JSON texts that it carries, by name.
+        """
+        self._stream = stream
+        writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
+        self._writer = writer
+        self._writer.start(profile="")
+        for name, about in metadata.items():
+            self._writer.add_metadata(name, dict(about))
+        for name, data in files.items():
+            self._writer.add_attachment(0, 0, name, "application/json", data)
+        stream.write(RECORD.pack(OPEN_CHUNK, CHUNK_BYTES))
+        self._region = stream.tell()
+        stream.write(bytes(CHUNK_BYTES))
+        stream.flush()
+        self._chunk = stream.tell()
+        self._used = 0
+        self._messages = 0
+
+    def channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
+        """Open a channel of JSON messages; return its number."""
+        number: int = self._writer.register_channel(topic, "json", schema, dict(metadata))
+        record = Channel(id=number, topic=topic, message_encoding="json", metadata=dict(metadata), schema_id=schema)
+        self._keep(_bytes(record))
+        return number
+
+    def schema(self, name: str, text: bytes) -> int:
+        """Declare a JSON schema; return its number."""
+        number: int = self._writer.register_schema(name, "jsonschema", text)
+        self._keep(_bytes(Schema(id=number, data=text, encoding="jsonschema", name=name)))
+        return number
+
+    def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
+        """Write a message; when this returns, no death of the process takes it away."""
+        record = _MESSAGE.pack(Opcode.MESSAGE, _IN_MESSAGE + len(data), channel, sequence, log_ns, publish_ns) + data
+        if not self._has_room(record) and self._messages:
+            self._end_chunk()
+        self._writer.add_message(channel, log_ns, data, publish_ns, sequence)
+        self._messages += 1
+        self._keep(record)
+
+    def finish(self) -> None:
+        """Write the summary, by which readers find their way, and leave nothing in the region."""
+        self._writer.finish()
+        self._stream.flush()
+        os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region)
+
+    def _keep(self, record: bytes) -> None:
+        """Put a record of the open chunk into the region; if it does not fit, end the chunk as soon as it can be."""
+        if self._has_room(record):
+            frame = _FRAME.pack(len(record), _checksum(self._chunk, record), self._chunk) + record
+            os.pwrite(self._stream.fileno(), frame, self._region + self._used)
+            self._used += len(frame)
+        elif self._messages:
+            self._end_chunk()
+        else:
+            self._used = CHUNK_BYTES
+
+    def _has_room(self, record: bytes) -> bool:
+        return self._used + _FRAME.size + len(record) <= CHUNK_BYTES
+
+    def _end_chunk(self) -> None:
+        self._writer.flush()
+        self._chunk, self._used, self._messages = self._stream.tell(), 0, 0
+
+
+def _bytes(record: McapRecord) -> bytes:
+    builder: Any = RecordBuilder()
+    record.write(builder)
+    written: bytes = builder.end()
+    return written
+
+
+def _checksum(chunk: int, record: bytes) -> int:
+    return zlib.crc32(record, zlib.crc32(chunk.to_bytes(8, "little")))
+
+
+def kept_records(region: bytes) -> tuple[int, bytes]:
+    """Return what the region of a file holds: where its chunk will stand, and its records one after the other."""
+    records, at, chunk = bytearray(), 0, None
+    while at + _FRAME.size <= len(region):
+        length, checksum, offset = _FRAME.unpack_from(region, at)
+        at += _FRAME.size
+        record = region[at : at + length]
+        is_whole = 0 < length == len(record) and checksum == _checksum(offset, record)
+        if not is_whole or offset != (offset if chunk is None else chunk):
+            break
+        chunk = offset
+        records += record
+        at += length
+    return (0 if chunk is None else chunk, bytes(records))

@@ -1,0 +1,244 @@
+"""Reading a journal, whole or torn.
+
+A file is torn when its writer was killed, when its disk was full, or when it was copied in part. Readers of MCAP look
+for its end first and refuse such a file; here it is read from its start, as far as it goes, then the region of what was
+not in a chunk yet.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, Self
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+
+from codra_dsl.runtime.journal.encoding import event_of
+from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.head import FORMAT, FORMAT_VERSION, Head
+from codra_dsl.runtime.journal.mcap_file import MAGIC, OPEN_CHUNK, RECORD, kept_records
+from codra_dsl.runtime.journal.schemas import kind_of
+from codra_dsl.runtime.journal.writing import OUTLINE
+from codra_dsl.runtime.outline import outline_of
+
+_READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
+_MOST_BYTES = 1 << 28
+"""Of one record, or of one chunk when decompressed; ours have a thousandth of it."""
+
+
+class JournalError(Exception):
+    """A file is no journal, or holds nothing that can be read."""
+
+
+@dataclass(slots=True)
+class Damage:
+    """What a journal lacks, known once it has been read to its end.
+
+    Attributes:
+        is_torn: whether its end is missing.
+        unread: what of the file cannot be read, in words.
+        lost: how many messages are missing between others, by their numbers.
+        regained: how many messages stood only in the region of what was in no chunk yet.
+    """
+
+    is_torn: bool = False
+    unread: list[str] = field(default_factory=list)
+    lost: int = 0
+    regained: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A message with its channel and schema."""
+
+    schema: Schema
+    channel: Channel
+    message: Message
+
+
+class JournalReader:
+    """Reads a journal once, from its start to its end.
+
+    Attributes:
+        metadata: what tools show of the file, by name.
+        files: what it carries, by name.
+        damage: what it lacks, known at its end.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a journal and read what stands before its messages.
+
+        Raises:
+            JournalError: if it is none.
+            OSError: if it cannot be read.
+        """
+        self.path = path
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.files: dict[str, bytes] = {}
+        self.damage = Damage()
+        self._stream: BinaryIO = path.open("rb")
+        self._size = path.stat().st_size
+        self._region: tuple[int, bytes] = (0, b"")
+        self._region_is_old = False
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._next: tuple[int, int, bytes] | None = None
+        self._has_ended = False
+        try:
+            self._read_start()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def head(self) -> Head:
+        """Return what ran.
+
+        Raises:
+            JournalError: if the file does not tell.
+        """
+        about = self.metadata.get(FORMAT)
+        if about is None or OUTLINE not in self.files:
+            raise JournalError(f"{self.path} is a file of MCAP, but no journal of codra")
+        try:
+            if int(about["format_version"]) > FORMAT_VERSION:
+                raise JournalError(f"{self.path} was written by codra {about['codra']}, which is newer than this one")
+            return Head.of(about, outline_of(json.loads(self.files[OUTLINE])))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise JournalError(f"{self.path} does not say what ran: {type(error).__name__}: {error}") from error
+
+    def events(self) -> Iterator[Event]:
+        """Yield all events, in the order in which they happened."""
+        for note in self.notes():
+            kind = kind_of(note.channel.topic)
+            if kind is None:
+                continue
+            try:
+                yield event_of(kind, note.message.data)
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+                self.damage.unread.append(f"message {note.message.sequence}: {type(error).__name__}: {error}")
+
+    def notes(self) -> Iterator[Note]:
+        """Yield all messages, in the order in which they were written."""
+        last = 0
+        for message, is_regained in self._messages():
+            channel = self._channels.get(message.channel_id)
+            schema = None if channel is None else self._schemas.get(channel.schema_id)
+            if channel is None or schema is None:
+                self.damage.unread.append(f"message {message.sequence}: its channel is not there")
+                continue
+            self.damage.lost += max(message.sequence - last - 1, 0)
+            self.damage.regained += is_regained
+            last = message.sequence
+            yield Note(schema, channel, message)
+
+    # Within
+
+    def _read_start(self) -> None:
+        if self._stream.read(len(MAGIC)) != MAGIC:
+            raise JournalError(f"{self.path} is no file of MCAP")
+        for opcode, offset, content in self._records():
+            if opcode == OPEN_CHUNK:
+                self._region = kept_records(content)
+            elif opcode == Opcode.METADATA:
+                metadata = Metadata.read(_stream(content))
+                self.metadata[metadata.name] = metadata.metadata
+            elif opcode == Opcode.ATTACHMENT:
+                attachment = Attachment.read(_stream(content))
+                self.files[attachment.name] = attachment.data
+            else:
+                self._next = (opcode, offset, content)
+                break
+
+    def _messages(self) -> Iterator[tuple[Message, bool]]:
+        if self._next is not None:
+            yield from self._messages_of(*self._next)
+        for record in self._records():
+            yield from self._messages_of(*record)
+        if not self._region_is_old:
+            yield from ((message, True) for message in self._taken(_split(self._region[1])))
+
+    def _messages_of(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
+        if opcode != Opcode.CHUNK:
+            return
+        try:
+            chunk = Chunk.read(_stream(content))
+            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MOST_BYTES:
+                raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
+            records = breakup_chunk(chunk, validate_crc=True)
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with it, the others can be read
+            self.damage.unread.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
+            return
+        if offset == self._region[0]:
+            self._region_is_old = True
+        yield from ((message, False) for message in self._taken(records))
+
+    def _taken(self, records: list[Any]) -> Iterator[Message]:
+        """Take note of channels and schemas, and yield the messages."""
+        for record in records:
+            match record:
+                case Schema():
+                    self._schemas[record.id] = record
+                case Channel():
+                    self._channels[record.id] = record
+                case Message():
+                    yield record
+
+    def _records(self) -> Iterator[tuple[int, int, bytes]]:
+        """Yield opcode, offset and content of the records up to the end of all data, or of what is whole."""
+        while not self._has_ended:
+            offset = self._stream.tell()
+            head = self._stream.read(RECORD.size)
+            opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
+            left = self._size - offset - RECORD.size
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self._stream.seek(-len(MAGIC), 2)
+                self.damage.is_torn = self._stream.read() != MAGIC
+                self._has_ended = True
+            elif opcode == 0 or length > left:
+                self.damage.is_torn = True
+                self._has_ended = True
+                if offset < self._size:
+                    self.damage.unread.append(f"the last {self._size - offset} bytes, from byte {offset} on")
+            elif opcode in _READ and length <= _MOST_BYTES:
+                yield opcode, offset, self._stream.read(length)
+            else:
+                self._stream.seek(length, 1)
+
+
+def _stream(content: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(content))
+
+
+def _decompressed_bytes(chunk: Chunk) -> int:
+    """Return how large a chunk says it is when decompressed, without doing so."""
+    return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
+
+
+def _split(records: bytes) -> list[Any]:
+    """Return the schemas, channels and messages that stand one after the other."""
+    uncompressed = Chunk(
+        compression="",
+        data=records,
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=len(records),
+    )
+    try:
+        return list(breakup_chunk(uncompressed))
+    except (struct.error, ValueError):
+        return []

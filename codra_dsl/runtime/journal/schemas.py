@@ -1,0 +1,267 @@
+"""The messages of a journal: their topics, their JSON schemas, and what tools show of a topic.
+
+Each field has one type, and what is unknown is left out: viewers know neither unions nor null in schemas.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from codra_dsl.runtime.cell import Reason
+from codra_dsl.runtime.journal.events import Kind
+from codra_dsl.runtime.outline import Outline, Place
+
+RUN_TOPIC = "/codra/run"
+TOPICS: Mapping[Kind, str] = {
+    Kind.VARIABLE: "/codra/context",
+    Kind.OBSERVER: "/codra/observer",
+    Kind.JOB: "/codra/perception",
+    Kind.DECISION: "/codra/decision",
+    Kind.DECLARATION: "/codra/declaration",
+    Kind.INPUT: "/codra/input",
+}
+"""Where the events of a kind go; below it each variable, observer and algorithm has a topic of its own."""
+
+_JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
+
+Field = dict[str, Any]
+
+
+def topic_of(kind: Kind, name: str) -> str:
+    """Return the topic of events about something; inputs share one."""
+    return TOPICS[kind] if kind is Kind.INPUT else f"{TOPICS[kind]}/{name}"
+
+
+def kind_of(topic: str) -> Kind | None:
+    """Return the kind of events on a topic; None if it holds none."""
+    return next((kind for kind, start in TOPICS.items() if topic == start or topic.startswith(f"{start}/")), None)
+
+
+def schema_of(kind: Kind, name: str, outline: Outline) -> tuple[str, Field]:
+    """Return the schema of the events about something, and its name."""
+    match kind:
+        case Kind.VARIABLE:
+            return _of_variable(outline.variables[name].type.kind)
+        case Kind.DECISION:
+            return _of_decision(outline.variables[name].type.kind)
+        case Kind.JOB:
+            return _of_job(name, outline)
+        case Kind.OBSERVER:
+            return _of_observer()
+        case Kind.DECLARATION:
+            return _of_declaration()
+        case Kind.INPUT:
+            return _of_input()
+
+
+def about(kind: Kind, name: str, outline: Outline) -> dict[str, str]:
+    """Return what tools show of the topic of something: units, label, place in the spec."""
+    match kind:
+        case Kind.VARIABLE | Kind.DECISION | Kind.DECLARATION:
+            variable = outline.variables[name]
+            told = {
+                "label": variable.label,
+                "unit": variable.type.unit or "",
+                "values": ", ".join(variable.type.members),
+                "valid_for_s": "" if variable.valid_for_s == math.inf else f"{variable.valid_for_s:g}",
+                "place": _place(outline.places.get(f"context/{name}")),
+            }
+        case Kind.JOB:
+            algorithm = outline.algorithms[name]
+            units = {f"unit of {key}": each.unit or "" for key, each in algorithm.returns.items()}
+            told = {"place": _place(algorithm.place), **units}
+        case Kind.OBSERVER:
+            told = {"place": _place(outline.observers[name].place)}
+        case Kind.INPUT:
+            told = {}
+    return {key: text for key, text in told.items() if text}
+
+
+def _place(place: Place | None) -> str:
+    return "" if place is None else str(place)
+
+
+def run_schema() -> tuple[str, Field]:
+    """Return the schema of the one message that says what runs."""
+    fields = {
+        "format": _field("string", "What kind of file this is."),
+        "format_version": _field("integer", "Of this format."),
+        "spec": _field("string", "The name of the spec."),
+        "file": _field("string", "The spec's file, relative to its project; empty if there is none."),
+        "model": _field("string", "A digest of what the spec means, as in manifest.json; empty if there is none."),
+        "seed": _field("integer", "Of the chance that perception functions see."),
+        "start_s": _field("number", "What the run's clock showed at the start."),
+        "codra": _field("string", "The version of codra that ran it."),
+        "python": _field("string", "The version of Python that ran it."),
+    }
+    return "codra.Run", {
+        "type": "object",
+        "description": "What runs.",
+        "properties": fields,
+        "required": list(fields),
+        "additionalProperties": False,
+    }
+
+
+def _of_variable(kind: str) -> tuple[str, Field]:
+    return f"codra.Variable.{kind}", _event(
+        "What became of a context-variable.",
+        "The variable.",
+        {
+            "identified": "it has a value",
+            "unknown": "it has none",
+            "too_old": "a value did not count, because its evidence was being taken before an action",
+            "refused": "an agent wrote it that may not",
+        },
+        value=_field(_JSON_TYPES[kind], "The value; left out when unknown."),
+        reason=_reason("Why it is unknown; left out when known."),
+        detail=_field("string", "Who or what made it unknown."),
+        evidence_s=_field("number", "When the evidence was taken; of an unknown one, since when it is unknown."),
+        source=_field("string", "The algorithm, agent or main execution that it comes from."),
+        present=_field("boolean", "Whether it is what holds now; false if newer evidence stands."),
+    )
+
+
+def _of_observer() -> tuple[str, Field]:
+    return "codra.Observer", _event(
+        "What became of an observer.",
+        "The observer.",
+        {"started": "it runs", "stopped": "it does not run any more", "failed": "its tree broke"},
+        message=_field("string", "The error of a broken tree."),
+    )
+
+
+def _of_job(name: str, outline: Outline) -> tuple[str, Field]:
+    algorithm = outline.algorithms[name]
+    returns = {key: _field(_JSON_TYPES[each.kind], _unit(each.unit)) for key, each in algorithm.returns.items()}
+    return f"codra.Job.{name}", _event(
+        "What became of a job of a perception algorithm.",
+        "The algorithm.",
+        {
+            "started": "its function was called",
+            "returned": "it brought a result",
+            "rejected": "its result brought some variables no value",
+            "failed": "it raised, took too long, or returned what it should not",
+            "voided": "a precondition did not hold while its evidence was taken",
+            "cancelled": "nobody needs it any more",
+            "stuck": "it was cancelled and does not come to its end",
+        },
+        index=_field("integer", "The number of the job among those of its algorithm."),
+        values={
+            "type": "object",
+            "description": "What it returned; without what it did not measure.",
+            "properties": returns,
+            "additionalProperties": False,
+        },
+        evidence_s=_list("number", "When the evidence was taken: start and end."),
+        variables=_list("string", "The variables that get no value."),
+        reason=_reason("Why."),
+        message=_field("string", "The error, or the condition that the result does not meet."),
+        condition=_field("string", "The precondition that did not hold."),
+    )
+
+
+def _of_decision(kind: str) -> tuple[str, Field]:
+    return f"codra.Decision.{kind}", _event(
+        "How a decision of the main execution was answered.",
+        "The variable that it was about.",
+        {
+            "answered": "from context",
+            "fell_back": "by what the main execution saw itself",
+            "shadowed": "from context, and the main execution looked all the same",
+        },
+        value=_field(_JSON_TYPES[kind], "What context held; left out when unknown."),
+        reason=_reason("Why it was unknown; left out when known."),
+        detail=_field("string", "Who or what made it unknown, or keeps it from being observed."),
+        source=_field("string", "Where the value in context came from."),
+        asked_s=_field("number", "When it was asked."),
+        found=_field(_JSON_TYPES[kind], "What the main execution saw itself."),
+        kept=_field("boolean", "Whether that was kept as evidence."),
+        agrees=_field("boolean", "Whether that is what context held."),
+        raised=_field("string", "The error that looking raised."),
+    )
+
+
+def _of_declaration() -> tuple[str, Field]:
+    return "codra.Declaration", _event(
+        "That the main execution needs a variable, or does not any more.",
+        "The variable.",
+        {"declared": "it is needed", "withdrawn": "it is not needed any more"},
+        holder=_field("string", "On whose behalf: main_execution, expected, or a skill."),
+    )
+
+
+def _of_input() -> tuple[str, Field]:
+    return "codra.Input", _event(
+        "What reached the context manager from outside. Replay starts from these and from what jobs returned.",
+        "Who it came from: main_execution, an agent, an algorithm, or the clock.",
+        {
+            "declare": "a variable is needed",
+            "withdraw": "it is not needed any more",
+            "expect": "these skills come next",
+            "begin": "a skill begins",
+            "act": "it acts",
+            "finish": "it ends",
+            "write": "a variable is written",
+            "decide": "a decision is asked",
+            "waited": "it has waited for observers",
+            "found": "the main execution has looked itself",
+            "request": "the main execution wants slots",
+            "release": "it gives them back",
+            "close": "the run ends",
+            "delivered": "the function of a job came to its end",
+            "unstarted": "the function of a job could not be started",
+            "evidence": "a job said when its evidence was taken",
+            "late": "the next event happens now, long after its time",
+        },
+        step=_field("integer", "How many events of the clock had happened by then."),
+        variable=_field("string", "The variable."),
+        value=_field("string", "The value, as JSON."),
+        evidence_s=_list("number", "When the evidence was taken: its end, or start and end."),
+        skill=_field("string", "The skill."),
+        skills=_list("string", "The skills."),
+        number=_field("integer", "Of the skill, decision or request for slots, counted from 1."),
+        max_age_s=_field("number", "Evidence that is older does not do."),
+        since_s=_field("number", "Evidence from before this instant does not do."),
+        wait_up_to_s=_field("number", "How long the decision waits for observers."),
+        shadow=_field("boolean", "Whether the main execution looks in any case."),
+        raised=_field("string", "The error that looking raised."),
+        resources=_list("string", "The resources whose slots are wanted."),
+        index=_field("integer", "The number of the job."),
+        told_s=_field("number", "When the job said so."),
+        message=_field("string", "The error."),
+    )
+
+
+def _event(description: str, name: str, whats: Mapping[str, str], **details: Field) -> Field:
+    listed = ", ".join(f"{what}: {meaning}" for what, meaning in whats.items())
+    return {
+        "type": "object",
+        "description": description,
+        "properties": {
+            "instant_s": _field("number", "When, in seconds of the run's clock; log_time is the same in nanoseconds."),
+            "name": _field("string", name),
+            "what": {"type": "string", "enum": list(whats), "description": f"What happened ({listed})."},
+            **details,
+        },
+        "required": ["instant_s", "name", "what"],
+        "additionalProperties": False,
+    }
+
+
+def _field(kind: str, description: str) -> Field:
+    return {"type": kind, "description": description}
+
+
+def _list(kind: str, description: str) -> Field:
+    return {"type": "array", "items": {"type": kind}, "description": description}
+
+
+def _reason(description: str) -> Field:
+    return {"type": "string", "enum": [str(reason) for reason in Reason], "description": description}
+
+
+def _unit(unit: str | None) -> str:
+    return f"In {unit}." if unit else "As the spec's `returns` declares it."

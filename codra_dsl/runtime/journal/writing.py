@@ -1,0 +1,87 @@
+"""A journal's events as messages of an MCAP file."""
+
+from __future__ import annotations
+
+import json
+from typing import BinaryIO
+
+from codra_dsl.runtime.journal.encoding import json_text, message_of
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.head import FORMAT, Head
+from codra_dsl.runtime.journal.mcap_file import McapFile
+from codra_dsl.runtime.journal.schemas import RUN_TOPIC, Field, about, run_schema, schema_of, topic_of
+from codra_dsl.runtime.outline import Outline, plain_outline
+
+OUTLINE = "outline.json"
+
+MOST_CHANNELS = 60_000
+"""MCAP has room for 65,535."""
+
+_LATEST_NS = 2**63 - 1
+
+
+class TooManyTopicsError(OSError):
+    """The events are about more things than a file has topics for."""
+
+
+class JournalWriter:
+    """Writes the events of one run."""
+
+    def __init__(self, stream: BinaryIO, head: Head) -> None:
+        """Write what runs.
+
+        Args:
+            stream: an empty file.
+            head: tells what runs.
+        """
+        plain = head.plain()
+        outline = json.dumps(plain_outline(head.outline), ensure_ascii=False, allow_nan=False).encode()
+        metadata = {FORMAT: {key: str(value) for key, value in plain.items()}}
+        self._file = McapFile(stream, metadata, {OUTLINE: outline})
+        self._outline: Outline = head.outline
+        self._channels: dict[tuple[Kind, str], int] = {}
+        self._schemas: dict[str, int] = {}
+        self._written = 0
+        channel = self._file.channel(RUN_TOPIC, self._schema(*run_schema()), {})
+        self._write(channel, json_text(plain).encode(), head.start_s, head.start_s)
+
+    def add(self, event: Event) -> None:
+        """Write an event.
+
+        Raises:
+            OSError: if it cannot be written.
+        """
+        kind, details = event.kind, event.details
+        key = (kind, "" if kind is Kind.INPUT else event.name)
+        channel = self._channels.get(key)
+        if channel is None:
+            channel = self._channels[key] = self._open(kind, event.name)
+        evidence_s = details.get("evidence_s") if kind in (Kind.VARIABLE, Kind.JOB) else None
+        taken_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
+        self._write(channel, message_of(event), event.instant_s, taken_s if isinstance(taken_s, float) else None)
+
+    def finish(self) -> None:
+        """Write the file's end."""
+        self._file.finish()
+
+    def _open(self, kind: Kind, name: str) -> int:
+        if len(self._channels) >= MOST_CHANNELS:
+            raise TooManyTopicsError(f"more than {MOST_CHANNELS} variables, observers and algorithms had events")
+        schema = self._schema(*schema_of(kind, name, self._outline))
+        return self._file.channel(topic_of(kind, name), schema, about(kind, name, self._outline))
+
+    def _schema(self, name: str, schema: Field) -> int:
+        if name not in self._schemas:
+            self._schemas[name] = self._file.schema(name, json.dumps(schema, ensure_ascii=False).encode())
+        return self._schemas[name]
+
+    def _write(self, channel: int, data: bytes, instant_s: float, evidence_s: float | None) -> None:
+        self._written += 1
+        log_ns = _nanoseconds(instant_s)
+        publish_ns = log_ns if evidence_s is None else _nanoseconds(evidence_s)
+        self._file.add(channel, log_ns, publish_ns, self._written & 0xFFFFFFFF, data)
+
+
+def _nanoseconds(instant_s: float) -> int:
+    """Return an instant as MCAP counts time; it knows none before 0."""
+    return round(instant_s * 1e9) if 0.0 < instant_s < _LATEST_NS / 1e9 else 0

@@ -1,0 +1,122 @@
+"""How a variable came to be what it is, in sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.ledger import Ledger
+from codra_dsl.runtime.outline import AlgorithmOutline, Outline
+from codra_dsl.runtime.why.values import instant, seconds, shown
+
+MAIN = "main_execution"
+
+
+def story(name: str, reading: Reading[Value], ledger: Ledger, outline: Outline) -> Iterator[str]:
+    """Yield how a variable came to its reading, what came later, and whether anybody looks."""
+    if reading.known:
+        yield from _of_value(reading, outline)
+    else:
+        yield from _of_unknown(reading, ledger, outline)
+    yield from _of_later(name, ledger)
+    observer = outline.observer_of(name)
+    if observer is not None:
+        yield _of_observer(observer.name, ledger.observers.get(observer.name))
+    declared = ledger.declared.get(name)
+    if declared is not None and declared.what == "declared":
+        yield f"declared since {instant(declared.instant_s)} for {declared.details['holder']}"
+
+
+def _of_value(reading: Reading[Value], outline: Outline) -> Iterator[str]:
+    if reading.source in outline.algorithms:
+        yield f"identified at {instant(reading.identified_s)} from evidence taken at {instant(reading.evidence_s)}"
+    else:
+        who = reading.source if reading.source == MAIN else f"agent {reading.source}"
+        taken = f", from evidence taken at {instant(reading.evidence_s)}"
+        evidence = "" if reading.evidence_s == reading.identified_s else taken
+        yield f"written by {who} at {instant(reading.identified_s)}{evidence}"
+    if reading.expires_s < math.inf:
+        yield f"valid until {instant(reading.expires_s)}"
+
+
+def _of_unknown(reading: Reading[Value], ledger: Ledger, outline: Outline) -> Iterator[str]:
+    name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
+    before = ledger.known.get(name)
+    match reading.reason:
+        case Reason.NEVER_OBSERVED:
+            sources = " or ".join(outline.variables[name].sources)
+            is_observed = outline.observer_of(name) is not None
+            yield "nobody has identified it yet" if is_observed else f"nobody has written it: for {sources} to write"
+        case Reason.STALE:
+            valid_for_s = outline.variables[name].valid_for_s
+            yield f"its evidence, taken at {instant(reading.evidence_s)}, was valid for {seconds(valid_for_s)}"
+        case Reason.INVALIDATED:
+            place = outline.places.get(f"skill/{reading.detail}")
+            at = "" if place is None else f"  [{place}]"
+            yield f"skill {reading.detail}, which changes it, acted at {since}: only newer evidence counts{at}"
+        case Reason.FORGOTTEN:
+            yield f"forgotten at {since}, when this did not hold: {reading.detail}"
+        case Reason.WITHDRAWN:
+            yield f"its observer {reading.detail} stopped at {since}"
+        case _:
+            yield f"{reading.reason} at {since}: {reading.detail} ({reading.source})"
+    if before is not None:
+        value, source = shown(before.details.get("value")), before.details["source"]
+        yield f"it was {value} before, from {source} at {instant(before.instant_s)}"
+
+
+def _of_later(name: str, ledger: Ledger) -> Iterator[str]:
+    """Yield what came after the present reading and changed nothing."""
+    later = ledger.later.get(name)
+    for what, last in () if later is None else later.last.items():
+        count = later.counts[what] if later is not None else 0
+        at = f"the last at {instant(last.instant_s)}" if count > 1 else f"at {instant(last.instant_s)}"
+        match what:
+            case "rejected":
+                message = last.details.get("message", "")
+                yield f"{_counted(count, 'look')} rejected since then, {at}: {message} ({last.name})"
+            case "too_old":
+                yield f"{_counted(count, 'value')} did not count, {at}: the evidence was being taken when a skill acted"
+            case "refused":
+                yield f"{_counted(count, 'write')} of {last.details['source']} refused, {at}"
+            case _:
+                source = last.details["source"]
+                yield f"{_counted(count, 'value')} with older evidence came since then, {at} from {source}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _of_observer(name: str, last: Event | None) -> str:
+    if last is None:
+        return f"observer {name} has not run"
+    match last.what:
+        case "started":
+            return f"observer {name} runs since {instant(last.instant_s)}"
+        case "stopped":
+            return f"observer {name} does not run since {instant(last.instant_s)}"
+        case _:
+            return f"observer {name} broke at {instant(last.instant_s)}: {last.details.get('message', '')}"
+
+
+def doing(algorithm: AlgorithmOutline, ledger: Ledger) -> str:
+    """Return what an algorithm does, or what came of its last job; empty if it never had one."""
+    started, ended = ledger.started.get(algorithm.name), ledger.ended.get(algorithm.name)
+    if started is not None and (ended is None or ended.details["index"] < started.details["index"]):
+        return f"job {started.details['index']} looks since {instant(started.instant_s)}"
+    if ended is None:
+        return ""
+    index, at = ended.details["index"], instant(ended.instant_s)
+    match ended.what:
+        case "returned":
+            return f"job {index} returned at {at}"
+        case "failed":
+            return f"job {index} failed at {at}: {ended.details.get('message', '')}"
+        case "voided":
+            return f"job {index} did not count at {at}: {ended.details.get('condition', '')} broke while it looked"
+        case _:
+            return f"job {index} was cancelled at {at}"

@@ -1,0 +1,35 @@
+"""Whether a project's copy of the schema is the one of this version, and how it becomes so."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from codra_dsl.diagnostics import Diagnostic
+from codra_dsl.output import about_output
+from codra_dsl.project import has_stale_schema
+from codra_dsl.starter.schema import SCHEMA_PATH, published_schema
+
+
+def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Return a finding when a project's copy of the schema is not the one of this version; nothing is written."""
+    if not has_stale_schema(root):
+        return ()
+    message = f"'{SCHEMA_PATH}' is not the schema of this version of codra"
+    return (about_output("stale-output", SCHEMA_PATH, message, way_out="renew it with 'codra compile'"),)
+
+
+def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Replace a project's copy of the schema at once where it is stale; return a finding when that is not possible."""
+    copy = root / SCHEMA_PATH
+    if not has_stale_schema(root):
+        return ()
+    try:
+        with tempfile.TemporaryDirectory(prefix=".codra-", dir=copy.parent) as staging:
+            staged = Path(staging) / copy.name
+            staged.write_text(published_schema(), encoding="utf-8")
+            staged.replace(copy)
+    except OSError as error:
+        message = f"cannot write '{SCHEMA_PATH}': {error.strerror}"
+        return (about_output("cannot-write", SCHEMA_PATH, message, way_out="check the permissions, or remove it"),)
+    return ()

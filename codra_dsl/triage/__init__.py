@@ -1,0 +1,28 @@
+"""What a project wants to hear: its settings, comments that silence findings, and fixes.
+
+Errors of phases 0 to 6 are binding: neither settings nor comments take them away, for nothing compiles with them.
+"""
+
+from codra_dsl.triage.fixing import Fixed, fix_all
+from codra_dsl.triage.rules import RULES, known_rules, nearest_code
+from codra_dsl.triage.settings import Settings, settings_of
+from codra_dsl.triage.suppressions import Sources, covers, read_sources
+from codra_dsl.triage.triaged import triaged
+from codra_dsl.triage.writing import rewritable, rewrite, unified
+
+__all__ = [
+    "RULES",
+    "Fixed",
+    "Settings",
+    "Sources",
+    "covers",
+    "fix_all",
+    "known_rules",
+    "nearest_code",
+    "read_sources",
+    "rewritable",
+    "rewrite",
+    "settings_of",
+    "triaged",
+    "unified",
+]

@@ -1,0 +1,251 @@
+"""Comments that silence findings: `# codra: ignore[CDR7102] reason`, and what is wrong with such comments.
+
+A comment behind something is about the findings of its line; one on a line of its own is about the next line that
+holds more than a comment. A finding that a template gives is silenced at the template's line for every use, or at the
+line of one use for that use.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from codra_dsl.diagnostics import (
+    Applicability,
+    Diagnostic,
+    Edit,
+    Fix,
+    Place,
+    Span,
+    once_per_template,
+)
+from codra_dsl.load.findings import Findings
+from codra_dsl.load.source import MAX_BYTES, Source, accept
+from codra_dsl.triage.comments import comments
+from codra_dsl.triage.rules import OWN_PREFIX, RULES, known_rules, nearest_code
+
+_MAY_SUPPRESS = re.compile(rb"#[ \t]*codra[ \t]*:", re.IGNORECASE)
+_MARKED = re.compile(
+    r"#[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?", re.IGNORECASE
+)
+_CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
+_VERB = "ignore"
+_OTHER_VERBS = frozenset({"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"})
+_WAY_OUT = "write '# codra: ignore[CDR7102] reason'"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sources:
+    """What a run has read, as far as comments in it may silence findings.
+
+    Attributes:
+        texts: of files that may have such comments, by their names in findings.
+        paths: the files and folders that the run was asked about, relative to the root; all else is only included, and
+            whether a comment there is of use to another spec is not known.
+    """
+
+    texts: Mapping[str, str]
+    paths: tuple[str, ...]
+
+    def covers(self, file: str) -> bool:
+        """Return whether the run was asked about a file."""
+        return covers(self.paths, file)
+
+
+def covers(paths: Iterable[str], file: str) -> bool:
+    """Return whether a file is one of some paths or stands in one of them."""
+    return any(path in (".", file) or file.startswith(f"{path}/") for path in paths)
+
+
+def read_sources(
+    files: Iterable[str], paths: Iterable[str], root: Path, texts: Mapping[str, bytes] | None = None
+) -> Sources:
+    """Return the texts of those files that may have suppression comments.
+
+    Args:
+        files: what specs were made of, relative to the root.
+        paths: the files and folders that were asked about, relative to the root.
+        root: the project's folder.
+        texts: of files that are not read from disk.
+    """
+    given = texts or {}
+    found: dict[str, str] = {}
+    for file in sorted(set(files)):
+        path = root / file
+        data = given[file] if file in given else _bytes(path) if path.is_file() else b""
+        if _MAY_SUPPRESS.search(data):
+            found[file] = data.decode("utf-8", "replace")
+    return Sources(texts=found, paths=tuple(paths))
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(MAX_BYTES)
+    except (OSError, ValueError):
+        return b""
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A code as a comment has it."""
+
+    text: str
+    span: Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Suppression:
+    """One comment.
+
+    Attributes:
+        codes: in their order; none where the comment has not the form of a suppression.
+        line: what findings must be on to be silenced; None where nothing follows the comment.
+        removal: what to remove to be rid of it.
+        used: which of its codes have silenced something.
+    """
+
+    file: str
+    span: Span
+    codes: tuple[Code, ...]
+    reason: str
+    line: int | None
+    removal: Edit
+    used: set[str] = field(default_factory=set)
+
+
+class Suppressions:
+    """The suppression comments of a run, and what they have silenced so far."""
+
+    def __init__(self, sources: Sources) -> None:
+        self._sources = sources
+        self._all = [each for file, text in sources.texts.items() for each in _read(file, text)]
+        self._at: dict[tuple[str, int, str], list[Suppression]] = {}
+        for each in self._all:
+            for code in each.codes if each.line is not None else ():
+                rule = known_rules().get(code.text)
+                if rule is not None and not rule.is_binding and not code.text.startswith(OWN_PREFIX):
+                    self._at.setdefault((each.file, each.line or 0, code.text), []).append(each)
+
+    def left(self, found: Diagnostic) -> tuple[Diagnostic, ...]:
+        """Return what is left of a finding: itself, nothing, or what it is in other uses of a template."""
+        if not self._at or found.rule.is_binding:
+            return (found,)
+        if self._silenced(found.code, found.place.span):
+            return ()
+        uses = found.each_use or (found,)
+        left = tuple(each for each in uses if each.place.use is None or not self._silenced(each.code, each.place.use))
+        return (found,) if len(left) == len(uses) else once_per_template(left)
+
+    def _silenced(self, code: str, span: Span) -> bool:
+        last = span.end_line - 1 if span.end_column == 1 and span.end_line > span.line else span.end_line
+        here = [each for line in {span.line, last} for each in self._at.get((span.file, line, code), ())]
+        for each in here:
+            each.used.add(code)
+        return bool(here)
+
+    def findings(self, *, complete: bool) -> Iterator[Diagnostic]:
+        """Yield what is wrong with comments; `complete` says that no error hid what they may be meant for."""
+        for each in self._all:
+            if not each.codes:
+                yield _finding("ill-formed-suppression", "this comment silences nothing", each.span, _WAY_OUT)
+            for index, code in enumerate(each.codes):
+                yield from self._of_code(each, index, code, complete=complete)
+            if each.used and not each.reason:
+                message = "the comment does not say why it silences findings"
+                way_out = f"write the reason behind it: # codra: ignore[{each.codes[0].text}] REASON"
+                yield _finding("suppression-without-reason", message, each.span, way_out)
+
+    def _of_code(self, each: Suppression, index: int, code: Code, *, complete: bool) -> Iterator[Diagnostic]:
+        rule = known_rules().get(code.text)
+        if rule is None:
+            near = nearest_code(code.text)
+            fix = None if near is None else _replacing(code, near)
+            way_out = f"did you mean '{near}'?" if near else "codes are CDR and four digits; 'codra explain' knows them"
+            yield _finding("unknown-code-suppressed", f"there is no code '{code.text}'", code.span, way_out, fix)
+        elif rule.is_binding or code.text.startswith(OWN_PREFIX):
+            why = "an error without which nothing compiles" if rule.is_binding else "about such comments themselves"
+            message = f"'{code.text}' is {why}, and cannot be silenced"
+            yield _finding(
+                "binding-code-suppressed", message, code.span, "remove it; correct the spec", _without(each, index)
+            )
+        elif complete and code.text not in each.used and self._sources.covers(each.file):
+            message = f"'{code.text}' silences nothing: there is no such finding here"
+            yield _finding("unused-suppression", message, code.span, "remove it", _without(each, index))
+
+
+def _finding(rule: str, message: str, span: Span, way_out: str, fix: Fix | None = None) -> Diagnostic:
+    return Diagnostic(rule=RULES[rule], message=message, place=Place(span), help=way_out, fix=fix)
+
+
+def _replacing(code: Code, near: str) -> Fix:
+    edit = Edit(code.span, near)
+    message = f"Replace '{code.text}' by '{near}'"
+    return Fix(message=message, edits=(edit,), applicability=Applicability.SUGGESTED)
+
+
+def _without(each: Suppression, index: int) -> Fix:
+    """Return how to take one code out of a comment; the comment goes with its last code."""
+    codes, code = each.codes, each.codes[index]
+    if len(codes) == 1:
+        return Fix(message="Remove the comment", edits=(each.removal,), applicability=Applicability.SAFE)
+    if index + 1 < len(codes):
+        span = _from_to(code.span.column, codes[index + 1].span.column, code.span)
+    else:
+        span = _from_to(codes[index - 1].span.end_column, code.span.end_column, code.span)
+    return Fix(message=f"Remove '{code.text}'", edits=(Edit(span, ""),), applicability=Applicability.SAFE)
+
+
+def _from_to(column: int, end_column: int, on: Span) -> Span:
+    return Span(on.file, on.line, column, on.line, end_column)
+
+
+def _read(file: str, text: str) -> Iterator[Suppression]:
+    """Yield the suppression comments of a text; none where it holds what no spec may hold."""
+    source = accept(text, file, Findings())
+    if source is None:
+        return
+    for start, end in comments(source.text):
+        marked = _MARKED.match(source.text, start, end)
+        if marked is None:
+            continue
+        verb = marked["verb"].casefold()
+        if verb == _VERB or ((verb in _OTHER_VERBS or marked["rest"]) and "CDR" in source.text[start:end].upper()):
+            yield _suppression(source, marked, end, is_right=verb == _VERB)
+
+
+def _suppression(source: Source, marked: re.Match[str], end: int, *, is_right: bool) -> Suppression:
+    start = marked.start()
+    first = marked.start("codes")
+    found = _CODE.finditer(marked["codes"] or "") if is_right else ()
+    codes = tuple(Code(each[0], source.span(first + each.start(), first + each.end())) for each in found)
+    span = source.span(start, end)
+    line_start = source.line_starts[span.line - 1]
+    stands_alone = not source.text[line_start:start].strip()
+    before = len(source.text[:start].rstrip(" \t"))
+    return Suppression(
+        file=source.file,
+        span=span,
+        codes=codes,
+        reason=(marked["reason"] or "").strip(" \t-:"),
+        line=_next_line(source, span.line) if stands_alone else span.line,
+        removal=Edit(_whole_line(source, span.line) if stands_alone else source.span(before, end), ""),
+    )
+
+
+def _next_line(source: Source, line: int) -> int | None:
+    """Return the number of the first line after another one that holds more than a comment."""
+    starts = (*source.line_starts[line:], len(source.text))
+    for number in range(line + 1, len(source.line_starts) + 1):
+        content = source.text[starts[number - line - 1] : starts[number - line]].strip()
+        if content and not content.startswith("#"):
+            return number
+    return None
+
+
+def _whole_line(source: Source, line: int) -> Span:
+    if line < len(source.line_starts):
+        return Span(source.file, line, 1, line + 1, 1)
+    return source.span(source.line_starts[line - 1], len(source.text))

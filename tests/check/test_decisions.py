@@ -1,0 +1,185 @@
+"""CDR7102, CDR7103, CDR7104, CDR7107 and CDR7110: what decisions need, and whether somebody can look at it."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.check.specs import findings, marked
+
+SPEC = """\
+codra: 1
+name: house
+context:
+  told: {type: bool, source: page}
+  payload: {type: float, unit: kg, source: main_execution}
+  closed: {type: bool, valid_for: 20 s}
+  near: {type: bool, when_unobservable: forget}
+  loaded: {type: bool}
+  state: {type: enum, values: [empty, half, full], valid_for: 20 s}
+agents: {page: {}}
+perception:
+  look_at_lid:
+    call: house.perception:look
+    returns: {seen: {type: bool}}
+    identifies: {closed: seen}
+  come_near:
+    call: house.perception:look
+    returns: {seen: {type: bool}}
+    observable_when: [not closed]
+    identifies: {near: seen}
+  look_inside:
+    call: house.perception:look
+    returns: {seen: {type: bool}}
+    observable_when: [near]
+    identifies: {loaded: seen}
+  look_at_state:
+    call: house.perception:look
+    returns: {state: {type: enum, values: [empty, half, full]}}
+    identifies: {state: state}
+skills:
+"""
+USE_ALL = "  use_all: {preview: [closed, loaded, state]}\n"
+CLOSE = "  close: {preview: [closed], monitor: [closed becomes true within 1 s]}\n"
+START = "  start: {preview: [closed, loaded]}\n"
+BOTH = CLOSE + START + "  rest: {monitor: [state, told], preview: [payload]}\n"
+
+
+def edited(skills: str, *edits: tuple[str, str], more: str = "") -> str:
+    text = SPEC
+    for old, new in edits:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    return text + skills + more
+
+
+def told(text: str, *rules: str) -> list[tuple[str, str]]:
+    """Return rule and marked text of each finding of some rules, or of all that are not about effects."""
+    return [
+        (found.rule.name, marked(text, found))
+        for found in findings(text)
+        if found.rule.name in rules or (not rules and not found.rule.name.startswith("not-yet"))
+    ]
+
+
+def test_a_decision_that_only_an_agent_can_answer_is_found_once_with_all_its_skills() -> None:
+    text = edited(
+        USE_ALL + "  one: {preview: [told], monitor: [payload becomes > 1 kg within 5 s]}\n  two: {preview: [told]}\n"
+    )
+    (first, second) = (each for each in findings(text) if each.rule.code in ("CDR7103", "CDR7104"))
+    assert (marked(text, first), [each.message for each in first.related]) == (
+        "told",
+        ["its source", "also in skill 'two'"],
+    )
+    assert (second.rule.name, marked(text, second)) == ("unwatched-monitor", "payload")
+
+
+@pytest.mark.parametrize(
+    ("skills", "old", "new"),
+    [
+        ("  one: {preview: [told, payload]}\n", "source: page", "source: [page, main_execution]"),
+        ("  one: {preview: [payload], monitor: [told]}\n", "source: page", "source: page"),
+        ("  one: {monitor: [told, payload]}\n", "kg, source: main_execution", "kg, source: [main_execution, page]"),
+    ],
+)
+def test_what_somebody_can_look_at_is_no_finding(skills: str, old: str, new: str) -> None:
+    assert told(edited(USE_ALL + skills, (old, new)), "decision-without-observer", "unwatched-monitor") == []
+
+
+def test_a_source_that_nobody_knows_silences_what_depends_on_it() -> None:
+    text = edited(USE_ALL + "  one: {preview: [told], monitor: [payload]}\n", ("source: page", "source: pager"))
+    assert [rule for rule, _ in told(text)] == ["unknown-source", "unwatched-monitor"]
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        (),
+        (
+            (
+                "near: {type: bool, when_unobservable: forget}",
+                "near: {type: bool, when_unobservable: forget, valid_for: 5 min}",
+            ),
+        ),
+        (("observable_when: [near]", "given: [near]"),),
+        (("observable_when: [near]", "observable_when: [known(near)]"),),
+        (("observable_when: [near]", "observable_when: [closed == false]"),),
+        (("observable_when: [near]", "observable_when: [not known(closed)]"),),
+        (("loaded: {type: bool}", "loaded: {type: bool, when_unobservable: forget}"),),
+    ],
+)
+def test_what_cannot_be_observed_where_skills_have_led_is_found(edits: tuple[tuple[str, str], ...]) -> None:
+    assert told(edited(BOTH, *edits), "excluded-preview") == [("excluded-preview", "loaded")]
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        (("near: {type: bool, when_unobservable: forget}", "near: {type: bool, valid_for: 5 min}"),),
+        (
+            (
+                "near: {type: bool, when_unobservable: forget}",
+                "near: {type: bool, when_unobservable: forget, valid_for: 5 min, source: [observer, page]}",
+            ),
+        ),
+        (("loaded: {type: bool}", "loaded: {type: bool, source: [observer, main_execution]}"),),
+        (("observable_when: [near]", "observable_when: [near or known(state)]"),),
+        (("observable_when: [not closed]", "observable_when: [not closed or age(closed) < 15 s]"),),
+        ((CLOSE.strip(), "close: {preview: [closed], monitor: [closed]}"),),
+        ((CLOSE.strip(), "close: {preview: [closed, loaded], monitor: [closed becomes true within 1 s]}"),),
+        ((START.strip(), "start: {preview: [loaded], monitor: [closed]}"),),
+        ((START.strip(), "start: {preview: [closed, loaded], monitor: [closed becomes false within 1 s]}"),),
+    ],
+)
+def test_what_can_still_be_observed_or_known_is_no_finding(edits: tuple[tuple[str, str], ...]) -> None:
+    text = edited(BOTH)
+    for old, new in edits:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    assert told(text) == []
+
+
+def test_an_alternative_that_works_after_the_skill_takes_a_preview_out_of_the_exclusion() -> None:
+    ask = "  ask:\n    call: a.b:c\n    returns: {seen: {type: bool}}\n    rank: 2\n    identifies: {loaded: seen}\n"
+    assert told(edited(BOTH, ("skills:\n", f"{ask}skills:\n"))) == []
+
+
+def test_the_skill_that_makes_it_so_may_look_before() -> None:
+    skills = "  close: {preview: [closed, loaded], monitor: [closed becomes true within 1 s, state, told]}\n"
+    assert told(edited(skills + "  rest: {preview: [payload]}\n")) == []
+
+
+@pytest.mark.parametrize(
+    ("made", "asked", "expected"),
+    [
+        ('state becomes "full"', 'state != "full"', True),
+        ('state becomes "full"', 'state in ("half", "full")', False),
+        ('state becomes "empty"', 'state == "half" or closed and not closed', True),
+    ],
+)
+def test_members_are_what_skills_make_them(made: str, asked: str, expected: bool) -> None:
+    skills = f"  fill: {{monitor: ['{made} within 5 s']}}\n  start: {{preview: [state, loaded]}}\n"
+    rest = "  rest: {preview: [payload, closed], monitor: [told]}\n"
+    text = edited(skills + rest, ("observable_when: [near]", f"observable_when: ['{asked}', near]"))
+    assert told(text) == ([("excluded-preview", "loaded")] if expected else [])
+
+
+def test_every_value_that_skills_lead_to_must_exclude() -> None:
+    asks = ("observable_when: [near]", "observable_when: ['state == \"half\"', near]")
+    fill = "  fill: {monitor: ['state becomes \"full\" within 5 s']}\n"
+    fill += "  drain: {monitor: ['state becomes \"WANTED\" within 5 s']}\n"
+    rest = "  start: {preview: [state, loaded]}\n  rest: {preview: [payload, closed], monitor: [told]}\n"
+    assert told(edited(fill.replace("WANTED", "empty") + rest, asks)) == [("excluded-preview", "loaded")]
+    assert told(edited(fill.replace("WANTED", "half") + rest, asks)) == []
+
+
+def test_an_observer_of_which_no_skill_needs_anything_is_found_instead_of_its_variables() -> None:
+    skills = "  use: {preview: [loaded, payload], monitor: [told]}\n"
+    watch = "observers:\n  watch: {identifies: [state], period: 5 s}\n"
+    assert told(edited(skills)) == [("unreached-variable", "state")]
+    assert told(edited(skills, more=watch)) == [("unreached-observer", "watch")]
+    assert told(edited(skills.replace("told", "told, state"), more=watch)) == []
+
+
+def test_without_skills_every_observer_is_made() -> None:
+    watch = "observers:\n  watch: {identifies: [state], period: 5 s}\n"
+    assert told(edited("", ("skills:\n", ""), more=watch)) == []

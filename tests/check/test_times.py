@@ -1,0 +1,210 @@
+"""CDR7108 and CDR7109: evidence that is not renewed in time, and slots that have not time enough."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.check.specs import findings, marked
+
+SPEC = """\
+codra: 1
+name: watch
+context:
+  near: {type: bool, valid_for: 3 s}
+  open: {type: bool, valid_for: 10 s}
+  lit: {type: bool, valid_for: 10 s}
+  steady: {type: bool}
+resources:
+  vision: {slots: 1}
+perception:
+  find:
+    call: watch.perception:find
+    uses: {vision: slot}
+    timeout: 2 s
+    returns: {found: {type: bool}}
+    identifies: {near: found}
+  look:
+    call: watch.perception:look
+    timeout: 1 s
+    returns: {found: {type: bool}}
+    observable_when: [lit]
+    identifies: {open: found}
+  feel:
+    call: watch.perception:feel
+    timeout: 1 s
+    rank: 2
+    returns: {found: {type: bool}}
+    identifies: {open: found}
+  see_light:
+    call: watch.perception:see_light
+    uses: {vision: slot}
+    timeout: 2 s
+    returns: {found: {type: bool}}
+    identifies: {lit: found, steady: found}
+skills:
+  enter: {preview: [near]}
+  open: {preview: [near, open]}
+"""
+LOOK = "    observable_when: [lit]\n"
+
+
+def edited(*edits: tuple[str, str]) -> str:
+    text = SPEC
+    for old, new in edits:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    return text
+
+
+def told(*edits: tuple[str, str]) -> list[tuple[str, str, str]]:
+    """Return rule, marked text and message of each finding."""
+    text = edited(*edits)
+    return [(found.rule.name, marked(text, found), found.message) for found in findings(text)]
+
+
+def rules(*edits: tuple[str, str]) -> list[str]:
+    return [rule for rule, _, _ in told(*edits)]
+
+
+def test_evidence_that_is_renewed_just_in_time_is_no_finding() -> None:
+    assert told() == []
+
+
+def test_a_value_that_goes_stale_before_it_is_renewed_is_found_with_both_numbers() -> None:
+    (found,) = told(("valid_for: 3 s", "valid_for: 2.9 s"))
+    assert found == (
+        "stale-before-renewed",
+        "2.9 s",
+        "context-variable 'near' can go stale though everything works: its evidence can be up to 3 s old before newer "
+        "is there, and is valid for 2.9 s",
+    )
+
+
+@pytest.mark.parametrize(
+    ("edits", "expected"),
+    [
+        (
+            [
+                (
+                    "    timeout: 2 s\n    returns: {found: {type: bool}}\n    identifies: {near",
+                    "    timeout: 2.5 s\n    returns: {found: {type: bool}}\n    identifies: {near",
+                )
+            ],
+            1,
+        ),
+        ([("  find:\n", "  find:\n    min_interval: 1.5 s\n")], 1),
+        ([("  find:\n", "  find:\n    min_interval: 1 s\n")], 0),
+        ([("skills:\n", "observers:\n  near_watch: {identifies: [near], period: 1.2 s}\nskills:\n")], 1),
+        ([("skills:\n", "observers:\n  near_watch: {identifies: [near], period: 500 ms}\nskills:\n")], 0),
+        ([("  feel:\n", "  feel:\n    min_interval: 1 min\n")], 1),
+        (
+            [
+                (
+                    "near: {type: bool, valid_for: 3 s}",
+                    "near: {type: bool, valid_for: 1 s, source: [observer, main_execution]}",
+                )
+            ],
+            1,
+        ),
+        ([("near: {type: bool, valid_for: 3 s}", "near: {type: bool, valid_for: forever}")], 0),
+    ],
+)
+def test_what_counts_is_the_slowest_renewal(edits: list[tuple[str, str]], expected: int) -> None:
+    assert rules(*edits).count("stale-before-renewed") == expected
+
+
+def test_what_nobody_needs_or_no_algorithm_identifies_does_not_go_stale() -> None:
+    assert rules(
+        ("  enter: {preview: [near]}\n  open: {preview: [near, open]}", "  open: {preview: [open]}"), ("3 s", "1 s")
+    ) == ["unreached-variable"]
+    told_to = (
+        "  near: {type: bool, valid_for: 3 s}\n",
+        "  near: {type: bool, valid_for: 3 s}\n  told: {type: bool, source: main_execution, valid_for: 1 s}\n",
+    )
+    assert rules(told_to, ("enter: {preview: [near]}", "enter: {preview: [near, told]}")) == []
+
+
+@pytest.mark.parametrize(
+    ("condition", "offender"),
+    [
+        ("age(lit) < 2 s", "age(lit) < 2 s"),
+        ("lit and 2999 ms >= age(lit)", "2999 ms >= age(lit)"),
+        ("0 s < age(lit) < 2 s", "0 s < age(lit) < 2 s"),
+        ("not (age(lit) > 2 s or known(near))", "age(lit) > 2 s or known(near)"),
+    ],
+)
+def test_an_age_that_observers_cannot_keep_up_with_is_found(condition: str, offender: str) -> None:
+    (found,) = told((LOOK, f"    observable_when: ['{condition}']\n"))
+    assert found[0] == "stale-before-renewed"
+    assert offender in found[1]
+    assert "evidence about 'lit' can be up to 3 s old" in found[2]
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        [(LOOK, "    observable_when: [age(lit) < 3 s]\n")],
+        [(LOOK, "    observable_when: [age(lit) > 2 s]\n")],
+        [(LOOK, "    observable_when: [age(lit) < 2 s or lit]\n")],
+        [
+            (LOOK, "    observable_when: [age(lit) < 2 s]\n"),
+            (
+                "lit: {type: bool, valid_for: 10 s}",
+                "lit: {type: bool, valid_for: 10 s, source: [observer, main_execution]}",
+            ),
+        ],
+        [
+            (LOOK, "    observable_when: [age(lit) < limit]\n"),
+            ("context:\n", "context:\n  limit: {type: float, unit: s, source: main_execution, valid_for: 1 h}\n"),
+        ],
+    ],
+)
+def test_an_age_that_may_be_kept_is_no_finding(edits: list[tuple[str, str]]) -> None:
+    assert rules(*edits) == []
+
+
+def test_a_skill_that_asks_too_much_of_a_slot_is_found_at_the_resource() -> None:
+    edits = [("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}")]
+    text = edited(*edits)
+    (found,) = findings(text)
+    assert (found.rule.name, marked(text, found)) == ("oversubscribed-slot", "vision")
+    assert found.message == (
+        "resource 'vision' has 1 slot, but the observers of skill 'open' need 1.067: "
+        "some value goes stale however they are granted"
+    )
+    assert [each.message for each in found.related] == [
+        "the skill that needs most",
+        "algorithm 'find' takes a slot for up to 2 s in every 3 s",
+        "algorithm 'see_light' takes a slot for up to 2 s in every 5 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    "edits",
+    [
+        [("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 6 s}")],
+        [("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}"), ("{slots: 1}", "{slots: 2}")],
+        [
+            ("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}"),
+            ("  open: {preview: [near, open]}\n", "  open: {preview: [open]}\n"),
+        ],
+        [("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: forever}")],
+    ],
+)
+def test_what_fits_into_the_slots_of_each_skill_is_no_finding(edits: list[tuple[str, str]]) -> None:
+    assert rules(*edits) == []
+
+
+def test_of_alternatives_the_larger_share_counts() -> None:
+    slot = ("    call: watch.perception:look\n", "    call: watch.perception:look\n    uses: {vision: slot}\n")
+    feel = ("    call: watch.perception:feel\n", "    call: watch.perception:feel\n    uses: {vision: slot}\n")
+    assert rules(slot, feel) == []
+    assert rules(slot, feel, ("open: {type: bool, valid_for: 10 s}", "open: {type: bool, valid_for: 5 s}")) == [
+        "oversubscribed-slot"
+    ]
+
+
+def test_without_skills_all_observers_count() -> None:
+    text = edited(("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 5 s}"))
+    (found,) = findings(text.partition("skills:\n")[0])
+    assert "but all observers together need 1.067" in found.message

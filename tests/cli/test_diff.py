@@ -1,0 +1,460 @@
+"""`codra diff` in real processes and real git repositories."""
+
+from __future__ import annotations
+
+import json
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOOR = """\
+codra: 1
+name: door
+context:
+  robot_is_localized: {type: bool, source: main_execution, valid_for: 1 min}
+  door_open: {type: bool, valid_for: 5 s}
+perception:
+  measure_door:
+    call: some_robot.doors:measure
+    timeout: 2 s
+    returns:
+      gap: {type: float, unit: m}
+    observable_when:
+      - robot_is_localized
+    accept_when:
+      - gap < 3 m
+    identifies:
+      door_open: gap > 40 cm
+skills:
+  pass_door:
+    preview: [door_open]
+"""
+WEAKER = DOOR.replace("gap < 3 m", "gap < 4 m")
+SLOWER = DOOR.replace("timeout: 2 s", "timeout: 3 s")
+WITH_ERROR = DOOR.replace("preview: [door_open]", "preview: [door_opn]")
+MACHINES = """\
+codra: 1
+context:
+  shelf_full: {type: bool, source: main_execution}
+"""
+
+
+def environment(**settings: str) -> dict[str, str]:
+    dropped = ("NO_COLOR", "FORCE_COLOR", "GITHUB_ACTIONS", "GITHUB_WORKSPACE", "GITHUB_STEP_SUMMARY")
+    kept = {name: value for name, value in os.environ.items() if name not in dropped and not name.startswith("GIT_")}
+    return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", "GIT_CONFIG_GLOBAL": os.devnull, **settings}
+
+
+def codra(*arguments: str, cwd: Path, **settings: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "codra_dsl", "diff", *arguments],
+        cwd=cwd,
+        env=environment(**settings),
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stdout + done.stderr
+    assert "internal error" not in done.stderr
+    return done
+
+
+def git(*arguments: str, cwd: Path, stdin: bytes = b"") -> str:
+    who = ("-c", "user.name=me", "-c", "user.email=me@example.org")
+    done = subprocess.run(
+        ["git", *who, *arguments], cwd=cwd, env=environment(), input=stdin, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.decode().strip()
+
+
+def commit(folder: Path, message: str) -> None:
+    git("add", "--all", cwd=folder)
+    git("commit", "--quiet", "--allow-empty", "--message", message, cwd=folder)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A repository with one commit on `main`, its tag `v1`, and nothing changed since."""
+    folder = tmp_path / "robot"
+    (folder / "specs").mkdir(parents=True)
+    (folder / "pyproject.toml").write_text("[tool.codra]\n")
+    (folder / "specs/door.yaml").write_text(DOOR)
+    git("init", "--quiet", "--initial-branch=main", cwd=folder)
+    commit(folder, "door")
+    git("tag", "v1", cwd=folder)
+    return folder
+
+
+def told(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    found = json.loads(done.stdout)
+    assert isinstance(found, dict)
+    return found
+
+
+def changes(done: subprocess.CompletedProcess[str]) -> list[str]:
+    return [f"{each['category']} {each['element']}" for each in told(done)["changes"]]
+
+
+# What is compared
+
+
+def test_a_revision_and_the_disk_are_the_same_while_nothing_has_changed(project: Path) -> None:
+    done = codra("HEAD", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout, done.stderr) == (0, "verdict: same\n", "")
+
+
+def test_a_change_on_the_disk_is_told_with_its_places_in_both_versions(project: Path) -> None:
+    (project / "specs/door.yaml").write_text("# the front door\n" + WEAKER)
+
+    done = codra("HEAD", ".", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stdout == (
+        "breaking[weaker]: door/perception/measure_door\n"
+        "  'accept_when' holds more often\n"
+        "    was 'gap < 3 m'  HEAD:specs/door.yaml:15:9\n"
+        "    is  'gap < 4 m'  specs/door.yaml:16:9\n"
+        "\n"
+        "verdict: breaking (1 breaking)\n"
+    )
+
+
+def test_two_revisions_are_compared_in_the_projects_specs_from_any_folder_of_it(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(SLOWER)
+    (project / "elsewhere.yaml").write_text(DOOR.replace("name: door", "name: other"))
+    commit(project, "slower")
+
+    for folder in (project, project / "specs"):
+        done = codra("v1", "HEAD", "--format", "json", cwd=folder)
+        assert changes(done) == ["slower door/perception/measure_door"]
+        assert told(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
+        assert told(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
+        assert told(done)["latencies"] == [{"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}]
+
+
+def test_two_revisions_without_a_folder_of_specs_are_compared_whole(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(DOOR)
+    git("init", "--quiet", cwd=tmp_path)
+    commit(tmp_path, "door")
+    (tmp_path / "door.yaml").write_text(SLOWER)
+    commit(tmp_path, "slower")
+
+    assert changes(codra("HEAD~1", "HEAD", "--format", "json", cwd=tmp_path)) == ["slower door/perception/measure_door"]
+
+
+def test_paths_narrow_what_is_compared(project: Path) -> None:
+    (project / "specs/window.yaml").write_text(DOOR.replace("name: door", "name: window"))
+    (project / "specs/door.yaml").write_text(SLOWER)
+
+    assert changes(codra("HEAD", ".", "specs/door.yaml", "--format", "json", cwd=project)) == [
+        "slower door/perception/measure_door"
+    ]
+    assert changes(codra("HEAD", ".", "specs/window.yaml", "--format", "json", cwd=project)) == ["added window"]
+
+
+def test_what_one_version_lacks_is_new_or_gone(project: Path) -> None:
+    (project / "specs/door.yaml").rename(project / "specs/gate.yaml")
+    (project / "specs/gate.yaml").write_text(DOOR.replace("name: door", "name: gate"))
+
+    assert changes(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["removed door", "added gate"]
+    assert changes(codra("HEAD", "specs/gate.yaml", "--format", "json", cwd=project)) == ["added gate"]
+
+
+def test_an_empty_folder_is_a_version_in_which_there_is_nothing(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+
+    done = codra("../empty", "specs", "--format", "json", cwd=project)
+
+    assert (done.returncode, changes(done), told(done)["verdict"]) == (0, ["added door"], "compatible")
+
+
+def test_two_folders_need_no_git(tmp_path: Path) -> None:
+    for name, text in (("old", DOOR), ("new", SLOWER)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "door.yaml").write_text(text)
+
+    done = codra("old", "new", "--format", "concise", cwd=tmp_path, PATH="")
+
+    assert done.stdout.startswith("new/door.yaml:9:14: caution[slower]: door/perception/measure_door: ")
+    assert done.returncode == 0
+
+
+def test_a_path_is_meant_where_a_revision_has_the_same_name(project: Path) -> None:
+    (project / "main").mkdir()
+    (project / "main/door.yaml").write_text(SLOWER)
+
+    assert codra("main", "specs", cwd=project).stdout != "verdict: same\n"
+    assert codra("refs/heads/main", "specs", cwd=project).stdout == "verdict: same\n"
+
+
+def test_moving_elements_to_a_part_is_no_difference_to_a_robot(project: Path) -> None:
+    (project / "specs/parts").mkdir()
+    head, _, rest = DOOR.partition("perception:")
+    (project / "specs/door.yaml").write_text(head.replace("name: door", "name: door\ninclude: [parts/eyes.yaml]"))
+    (project / "specs/parts/eyes.yaml").write_text(f"codra: 1\nperception:{rest}")
+
+    done = codra("HEAD", "specs", "--format", "json", cwd=project)
+
+    assert (done.returncode, told(done)["verdict"], changes(done)) == (0, "compatible", ["layout door"])
+
+
+def test_parts_of_a_revision_are_read_whatever_their_names_end_with(project: Path) -> None:
+    (project / "shared").mkdir()
+    (project / "shared/machines.part").write_text(MACHINES)
+    (project / "specs/door.yaml").write_text(
+        DOOR.replace("name: door", "name: door\ninclude: [../shared/machines.part]")
+    )
+    commit(project, "parts")
+
+    assert codra("HEAD", "specs", cwd=project).stdout == "verdict: same\n"
+
+
+# Verdicts
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "code"),
+    [
+        (WEAKER, [], 1),
+        (WEAKER, ["--fail-on", "never"], 0),
+        (WEAKER, ["--allow", "weaker"], 0),
+        (WEAKER, ["--allow", "weaker:door/perception/measure_door"], 0),
+        (WEAKER, ["--allow", "weaker:door/perception/other", "--allow", "slower"], 1),
+        (SLOWER, [], 0),
+        (SLOWER, ["--fail-on", "caution"], 1),
+        (DOOR, ["--fail-on", "caution"], 0),
+    ],
+)
+def test_ci_can_gate_on_the_verdict(project: Path, text: str, options: list[str], code: int) -> None:
+    (project / "specs/door.yaml").write_text(text)
+
+    assert codra("HEAD", "specs", *options, cwd=project).returncode == code
+
+
+def test_what_was_allowed_is_shown_as_such(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(WEAKER)
+
+    done = codra("HEAD", "specs", "--allow", "weaker", "--format", "concise", cwd=project)
+
+    assert "allowed[weaker]" in done.stdout
+    assert done.stdout.endswith("verdict: same (1 allowed)\n")
+
+
+def test_errors_in_b_are_breaking_changes(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(WITH_ERROR)
+
+    done = codra("HEAD", "specs", "--format", "concise", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stdout.startswith(
+        "specs/door.yaml:20:15: breaking[invalid]: door/skill/pass_door: unknown context-variable"
+    )
+    assert "[CDR3101]" in done.stdout
+
+
+def test_repairing_a_spec_breaks_nothing_and_its_old_errors_are_told_on_standard_error(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(WITH_ERROR)
+    commit(project, "mistake")
+    (project / "specs/door.yaml").write_text(DOOR)
+
+    done = codra("HEAD", "specs", "--format", "json", cwd=project)
+
+    assert (done.returncode, changes(done)) == (0, ["repaired door"])
+    assert "HEAD:specs/door.yaml:20:15: error[CDR3101]" in done.stderr
+
+
+def test_a_file_that_cannot_be_read_as_yaml_is_the_spec_that_it_was(project: Path) -> None:
+    (project / "specs/door.yaml").write_text("codra: 1\nname: door\ncontext: {\n")
+
+    assert changes(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["invalid specs/door.yaml"]
+
+
+# Forms
+
+
+def test_json_has_all_that_the_reference_says(project: Path) -> None:
+    (project / "specs/door.yaml").write_text(WEAKER)
+
+    found = told(codra("HEAD", "specs", "--format", "json", cwd=project))
+
+    assert list(found) == ["verdict", "before", "after", "counts", "changes", "latencies"]
+    assert found["counts"] == {"breaking": 1, "caution": 0, "compatible": 0, "allowed": 0}
+    assert found["changes"] == [
+        {
+            "category": "weaker",
+            "level": "breaking",
+            "spec": "door",
+            "element": "door/perception/measure_door",
+            "key": "accept_when",
+            "message": "'accept_when' holds more often",
+            "allowed": False,
+            "was": "'gap < 3 m'",
+            "is": "'gap < 4 m'",
+            "before": {"file": "HEAD:specs/door.yaml", "line": 15, "column": 9, "end_line": 15, "end_column": 18},
+            "after": {"file": "specs/door.yaml", "line": 15, "column": 9, "end_line": 15, "end_column": 18},
+        }
+    ]
+
+
+def test_markdown_shows_what_specs_say_and_obeys_none_of_it(project: Path) -> None:
+    label = "<img src=x> | [here](http://x) @all **now**"
+    (project / "specs/door.yaml").write_text(DOOR.replace("valid_for: 5 s", f"valid_for: 5 s, label: '{label}'"))
+
+    done = codra("HEAD", "specs", "--format", "markdown", "--output", "comment.md", cwd=project)
+
+    text = (project / "comment.md").read_text("utf-8")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert text.startswith("### codra diff: compatible\n")
+    assert "\\<img src\\=x\\> \\| \\[here\\]\\(http\\://x\\) \\@all \\*\\*now\\*\\*" in text
+
+
+def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: Path, tmp_path: Path) -> None:
+    (project / "specs/door.yaml").write_text(WEAKER.replace("timeout: 2 s", "timeout: 3 s"))
+    summary = tmp_path / "summary.md"
+
+    done = codra("HEAD", "specs", cwd=project, GITHUB_ACTIONS="true", GITHUB_STEP_SUMMARY=str(summary))
+
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith(
+        "::error file=specs/door.yaml,line=15,endLine=15,col=9,endColumn=18,title=codra diff weaker::"
+    )
+    assert lines[1].startswith("::warning file=specs/door.yaml,line=9,")
+    assert lines[-1] == "verdict: breaking (1 breaking, 1 caution)"
+    assert "### codra diff: breaking" in summary.read_text("utf-8")
+
+
+# Usage
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["nowhere", "specs"], "neither a path here nor a revision"),
+        (["mian", "specs"], "did you mean 'main'?"),
+        (["v1..main", "specs"], "name both ends, 'v1 main'"),
+        (["main:specs", "specs"], "name the path after both versions"),
+        (["--", "-n", "specs"], "do not begin with '-'"),
+        (["--", "--output=x", "specs"], "do not begin with '-'"),
+        (["", "specs"], "neither a path"),
+        (["main", "v1", "no-such-folder"], "in either version"),
+        (["main", "v1", "../../.."], "outside of the repository"),
+        (["main", "v1", "/etc"], "must be relative"),
+        (["specs/door.yaml", "main", "door.yaml"], "nothing below it"),
+        (["main", "specs", "--allow", "wekaer"], "no category"),
+        (["main"], "Missing argument 'B'"),
+    ],
+)
+def test_a_mistake_of_usage_exits_with_2_and_says_the_way_out(project: Path, arguments: list[str], hint: str) -> None:
+    done = codra(*arguments, cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert hint in " ".join(done.stderr.split())
+    assert sorted(path.name for path in project.iterdir()) == [".git", "pyproject.toml", "specs"]
+
+
+def test_a_branch_that_only_the_remote_has_is_suggested(project: Path) -> None:
+    git("update-ref", "refs/remotes/origin/feature", "HEAD", cwd=project)
+
+    assert "did you mean 'origin/feature'?" in codra("feature", "specs", cwd=project).stderr
+
+
+def test_a_revision_outside_of_every_repository_has_a_way_out(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(DOOR)
+
+    done = codra("HEAD", ".", cwd=tmp_path, GIT_CEILING_DIRECTORIES=str(tmp_path.parent))
+
+    assert done.returncode == 2
+    assert "no git repository" in " ".join(done.stderr.split())
+
+
+def test_without_git_a_revision_has_a_way_out(project: Path) -> None:
+    done = codra("HEAD", "specs", cwd=project, PATH="")
+
+    assert done.returncode == 2
+    assert "git is not installed" in " ".join(done.stderr.split())
+
+
+# What a repository may try
+
+
+def test_nothing_that_a_repository_configures_is_run(project: Path, tmp_path: Path) -> None:
+    program = tmp_path / "program"
+    program.write_text(f"#!/bin/sh\necho \"$0 $*\" >> '{tmp_path}/ran'\ncat\n")
+    program.chmod(0o755)
+    for hook in ("post-checkout", "pre-commit", "post-index-change", "reference-transaction"):
+        (project / ".git/hooks").mkdir(exist_ok=True)
+        (project / ".git/hooks" / hook).write_text(program.read_text())
+        (project / ".git/hooks" / hook).chmod(0o755)
+    (project / ".gitattributes").write_text("*.yaml filter=evil diff=evil\n")
+    settings = ("core.fsmonitor", "core.pager", "core.sshCommand", "core.editor", "diff.external", "core.askPass")
+    for key in (*settings, "filter.evil.smudge", "filter.evil.process", "diff.evil.textconv", "diff.evil.command"):
+        git("config", key, str(program), cwd=project)
+    git("config", "pager.log", "true", cwd=project)
+
+    done = codra("HEAD", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
+    assert not (tmp_path / "ran").exists()
+
+
+def test_the_variables_of_git_that_a_hook_sets_do_not_lead_elsewhere(project: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    git("init", "--quiet", cwd=other)
+
+    done = codra("HEAD", "specs", cwd=project, GIT_DIR=str(other / ".git"), GIT_WORK_TREE=str(other))
+
+    assert done.stdout == "verdict: same\n"
+
+
+def test_links_in_a_revision_are_not_followed(project: Path, tmp_path: Path) -> None:
+    (tmp_path / "secret.yaml").write_text(DOOR.replace("name: door", "name: secret"))
+    (project / "specs/secret.yaml").symlink_to(tmp_path / "secret.yaml")
+    commit(project, "link")
+
+    done = codra("HEAD", "v1", "--format", "json", cwd=project)
+
+    assert told(done)["verdict"] == "same"
+    assert "HEAD:specs/secret.yaml is a symbolic link: not read" in done.stderr
+
+
+def test_paths_in_a_tree_never_lead_out_of_the_private_folder(project: Path, tmp_path: Path) -> None:
+    blob = git("hash-object", "-w", "--stdin", cwd=project, stdin=DOOR.encode())
+    inner = tree(project, b"escaped.yaml", blob, b"100644")
+    outer = tree(project, b"..", inner, b"40000")
+    hostile = git("commit-tree", "-m", "hostile", tree(project, b"..", outer, b"40000"), cwd=project)
+    private = tmp_path / "private"
+    private.mkdir()
+
+    codra(hostile, "specs", cwd=project, TMPDIR=str(private))
+
+    assert not list(tmp_path.rglob("escaped.yaml"))
+    assert list(private.iterdir()) == []
+
+
+def tree(folder: Path, name: bytes, object_name: str, mode: bytes) -> str:
+    """A tree as only a program with bad intentions writes it."""
+    data = mode + b" " + name + b"\0" + bytes.fromhex(object_name)
+    return git("hash-object", "-t", "tree", "-w", "--literally", "--stdin", cwd=folder, stdin=data)
+
+
+def test_nothing_is_written_to_the_project_or_left_behind(project: Path, tmp_path: Path) -> None:
+    def state() -> list[tuple[str, int, int]]:
+        paths = sorted(path for path in project.rglob("*") if stat.S_ISREG(path.lstat().st_mode))
+        return [(str(path), path.stat().st_mtime_ns, path.stat().st_size) for path in paths]
+
+    (tmp_path / "temporary").mkdir()
+    before = state()
+
+    codra("HEAD", "v1", cwd=project, TMPDIR=str(tmp_path / "temporary"))
+
+    assert state() == before
+    assert list((tmp_path / "temporary").iterdir()) == []

@@ -1,0 +1,304 @@
+"""`codra lint --fix` and `--diff`, settings and suppression comments, in real processes on real files."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.cli.fixes import fix, work_on_files
+from codra_dsl.compiler import Planned
+from codra_dsl.load.source import MAX_BYTES
+from codra_dsl.timings import UNTIMED
+
+ROOT = Path(__file__).parents[2]
+SPEC = b"""\
+codra: 1\r
+name: door\t\t\r
+context:   # kept \xc3\xa4s is  \r
+  door_open: {type: bool,  source: main_execution}\r
+skills:\r
+  pass_door:\r
+    perview: [door_open]\r
+"""
+RIGHT = SPEC.replace(b"perview", b"preview")
+BROKEN = RIGHT.replace(b"[door_open]", b"[door_open, window]")
+UNREACHED = RIGHT.replace(b"skills:", b"  lamp_lit: {type: bool, source: main_execution}\r\nskills:")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    root = tmp_path / "project"
+    (root / "specs").mkdir(parents=True)
+    (root / "pyproject.toml").write_text("[tool.codra]\n")
+    (root / "specs/door.yaml").write_bytes(SPEC)
+    return root
+
+
+def codra(*arguments: str, cwd: Path, stdin: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    kept = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "GITHUB_ACTIONS")}
+    done = subprocess.run(
+        [sys.executable, "-m", "codra_dsl", *arguments],
+        cwd=cwd,
+        env={**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120"},
+        input=stdin,
+        capture_output=True,
+        check=False,
+    )
+    assert b"Traceback" not in done.stdout + done.stderr
+    return done
+
+
+def spec_of(project: Path) -> bytes:
+    return (project / "specs/door.yaml").read_bytes()
+
+
+# Files
+
+
+def test_lint_says_how_much_can_be_fixed_and_fixes_nothing(project: Path) -> None:
+    done = codra("lint", "specs", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stderr == b"1 error; --fix can fix 1\n"
+    assert spec_of(project) == SPEC
+
+
+def test_fix_changes_what_is_wrong_and_no_other_byte(project: Path) -> None:
+    done = codra("lint", "--fix", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"fixed 1; no findings left\n")
+    assert spec_of(project) == RIGHT
+
+
+def test_what_cannot_be_fixed_is_shown_and_fails(project: Path) -> None:
+    (project / "specs/door.yaml").write_bytes(BROKEN.replace(b"preview", b"perview"))
+
+    done = codra("lint", "--fix", "specs", "--format", "concise", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stdout.startswith(b"specs/door.yaml:7:26: error[CDR3101]")
+    assert done.stderr == b"fixed 1; 1 error left\n"
+    assert spec_of(project) == BROKEN
+
+
+def test_fixing_what_needs_no_fix_writes_nothing(project: Path) -> None:
+    path = project / "specs/door.yaml"
+    path.write_bytes(RIGHT)
+    before = path.stat()
+
+    done = codra("lint", "--fix", "specs", cwd=project)
+
+    assert done.stderr == b"fixed 0; no findings left\n"
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+
+
+def test_the_mode_of_a_file_stays(project: Path) -> None:
+    path = project / "specs/door.yaml"
+    path.chmod(0o640)
+
+    codra("lint", "--fix", "specs", cwd=project)
+
+    assert spec_of(project) == RIGHT
+    assert path.stat().st_mode & 0o7777 == 0o640
+    assert sorted(entry.name for entry in path.parent.iterdir()) == ["door.yaml"]
+
+
+def test_what_is_saved_while_codra_looks_for_fixes_is_not_lost(project: Path) -> None:
+    path = project / "specs/door.yaml"
+    looks = 0
+    work = work_on_files([project / "specs"], UNTIMED)
+
+    def plan(texts: Mapping[str, bytes]) -> Planned:
+        nonlocal looks
+        looks += 1
+        if looks == 3:
+            path.write_bytes(SPEC + b"# saved meanwhile\r\n")
+        return work.plan(texts)
+
+    outcome = fix(replace(work, plan=plan), write=True)
+
+    assert spec_of(project) == SPEC + b"# saved meanwhile\r\n"
+    assert outcome.number == 0
+    assert [found.message for found in outcome.diagnostics if found.code == "CDR6004"] == [
+        "cannot write 'specs/door.yaml': it has changed in the meantime"
+    ]
+
+
+def test_of_two_files_of_which_one_is_refused_the_other_one_counts(project: Path) -> None:
+    (project / "specs/gate.yaml").write_bytes(SPEC.replace(b"name: door", b"name: gate"))
+    work = work_on_files([project / "specs"], UNTIMED)
+
+    def plan(texts: Mapping[str, bytes]) -> Planned:
+        if texts:
+            (project / "specs/gate.yaml").write_bytes(RIGHT.replace(b"name: door", b"name: gate"))
+        return work.plan(texts)
+
+    outcome = fix(replace(work, plan=plan), write=True)
+
+    assert (outcome.number, spec_of(project)) == (1, RIGHT)
+
+
+def test_a_link_that_leads_out_of_the_project_is_not_followed(project: Path) -> None:
+    outside = project.parent / "outside.yaml"
+    outside.write_bytes(SPEC)
+    (project / "specs/door.yaml").unlink()
+    (project / "specs/door.yaml").symlink_to(outside)
+
+    done = codra("lint", "--fix", "specs", cwd=project)
+
+    assert done.returncode == 1
+    assert outside.read_bytes() == SPEC
+
+
+def test_a_link_within_the_project_stays_one_and_its_file_is_fixed(project: Path) -> None:
+    (project / "real.yaml").write_bytes(SPEC)
+    (project / "specs/door.yaml").unlink()
+    (project / "specs/door.yaml").symlink_to("../real.yaml")
+
+    done = codra("lint", "--fix", "specs", cwd=project)
+
+    assert done.returncode == 0
+    assert (project / "specs/door.yaml").is_symlink()
+    assert (project / "real.yaml").read_bytes() == RIGHT
+
+
+def test_parts_are_fixed_only_where_their_folder_was_named(project: Path) -> None:
+    part = b"codra: 1\ncontxt:\n  window: {type: bool, source: main_execution}\n"
+    (project / "parts").mkdir()
+    (project / "parts/window.yaml").write_bytes(part)
+    including = RIGHT.replace(b"name: door", b"name: door\r\ninclude: [../parts/window.yaml]").replace(
+        b"[door_open]", b"[door_open, window]"
+    )
+    (project / "specs/door.yaml").write_bytes(including)
+
+    left = codra("lint", "--fix", "specs", cwd=project)
+    named = codra("lint", "--fix", ".", cwd=project)
+
+    assert (left.returncode, left.stderr) == (1, b"fixed 0; 1 error left; 1 more can be fixed if '.' is named\n")
+    assert (named.returncode, named.stderr) == (0, b"fixed 1; no findings left\n")
+    assert (project / "parts/window.yaml").read_bytes() == part.replace(b"contxt", b"context")
+
+
+# Differences
+
+
+DIFF = b"""\
+--- specs/door.yaml
++++ specs/door.yaml
+@@ -4,4 +4,4 @@
+   door_open: {type: bool,  source: main_execution}\r
+ skills:\r
+   pass_door:\r
+-    perview: [door_open]\r
++    preview: [door_open]\r
+"""
+
+
+@pytest.mark.parametrize("options", [["--diff"], ["--fix", "--diff"]])
+def test_diff_shows_what_would_be_fixed_and_writes_nothing(project: Path, options: list[str]) -> None:
+    done = codra("lint", *options, "specs", cwd=project)
+
+    assert (done.returncode, done.stdout) == (1, DIFF)
+    assert done.stderr == b"would fix 1; no findings left\n"
+    assert spec_of(project) == SPEC
+
+
+def test_a_diff_can_be_applied_with_patch(project: Path) -> None:
+    diff = codra("lint", "--diff", "specs", cwd=project).stdout
+
+    subprocess.run(["git", "apply", "-p0"], cwd=project, input=diff, check=True)
+
+    assert spec_of(project) == RIGHT
+
+
+def test_without_anything_to_fix_the_diff_is_empty_and_succeeds(project: Path) -> None:
+    (project / "specs/door.yaml").write_bytes(BROKEN)
+
+    done = codra("lint", "--diff", "specs", cwd=project)
+
+    assert (done.returncode, done.stdout) == (0, b"")
+    assert done.stderr == b"would fix 0; 1 error left\n"
+
+
+# Standard input
+
+
+def test_what_comes_by_standard_input_is_fixed_on_standard_output(project: Path) -> None:
+    done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC)
+
+    assert (done.returncode, done.stdout) == (0, RIGHT)
+    assert done.stderr == b"fixed 1; no findings left\n"
+
+
+def test_what_is_left_of_standard_input_is_told_on_standard_error(project: Path) -> None:
+    done = codra("lint", "--fix", "-", "--format", "concise", cwd=project, stdin=BROKEN)
+
+    assert (done.returncode, done.stdout) == (1, BROKEN)
+    assert done.stderr.startswith(b"-:7:26: error[CDR3101]")
+    assert done.stderr.endswith(b"fixed 0; 1 error left\n")
+
+
+def test_a_text_that_is_too_large_to_be_read_whole_is_not_cut_off(project: Path) -> None:
+    done = codra("lint", "--fix", "-", cwd=project, stdin=SPEC + b"#" * MAX_BYTES)
+
+    assert (done.returncode, done.stdout) == (2, b"")
+    assert b"the text has more than 32 MiB" in done.stderr
+
+
+def test_what_is_no_text_comes_back_as_it_was(project: Path) -> None:
+    done = codra("lint", "--fix", "-", cwd=project, stdin=b"codra: 1\nname: \xff\n")
+
+    assert (done.returncode, done.stdout) == (1, b"codra: 1\nname: \xff\n")
+
+
+# All commands see the same
+
+
+@pytest.mark.parametrize("command", ["lint", "compile", "graph"])
+def test_settings_and_comments_hold_for_every_command(project: Path, command: str) -> None:
+    path = project / "specs/door.yaml"
+    path.write_bytes(UNREACHED)
+    raised = "[tool.codra.lint.severity]\nCDR7102 = 'error'\n"
+
+    warned = codra(command, "specs", cwd=project)
+    (project / "pyproject.toml").write_text(raised)
+    failed = codra(command, "specs", cwd=project)
+    path.write_bytes(UNREACHED.replace(b"  lamp_lit", b"  # codra: ignore[CDR7102] for the next demo\r\n  lamp_lit"))
+    silenced = codra(command, "specs", cwd=project)
+
+    assert (warned.returncode, failed.returncode, silenced.returncode) == (0, 1, 0)
+    assert b"warning[CDR7102]" in warned.stdout + warned.stderr
+    assert b"error[CDR7102]" in failed.stdout + failed.stderr
+    assert b"CDR" not in silenced.stderr
+
+
+def test_the_project_says_what_fails_and_the_command_line_wins(project: Path) -> None:
+    (project / "specs/door.yaml").write_bytes(UNREACHED)
+    (project / "pyproject.toml").write_text('[tool.codra.lint]\nfail-on = "warning"\n')
+
+    assert codra("lint", "specs", cwd=project).returncode == 1
+    assert codra("compile", "specs", cwd=project).returncode == 1
+    assert codra("lint", "specs", "--fail-on", "error", cwd=project).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "place"),
+    [
+        ("[tool.codra.lint]\nignroe = []\n", b"pyproject.toml:2:1: error[CDR0021]"),
+        ("[tool.codra.lint]\nignore = []\nignore = []\n", b"pyproject.toml:3:12: error[CDR0020]"),
+    ],
+)
+def test_mistakes_in_settings_are_findings_with_their_place(project: Path, settings: str, place: bytes) -> None:
+    (project / "specs/door.yaml").write_bytes(RIGHT)
+    (project / "pyproject.toml").write_text(settings)
+
+    done = codra("lint", "specs", "--format", "concise", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stdout.startswith(place)

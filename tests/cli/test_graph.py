@@ -1,0 +1,142 @@
+"""`codra graph` in real processes: what is selected, in which form, and what is said when a selector is wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.test_commands import DOOR, codra
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs/door.yaml").write_text(DOOR)
+    return tmp_path
+
+
+def graph(*arguments: str) -> tuple[dict[str, Any], str]:
+    done = codra("graph", "specs/lab.yaml", "--format", "json", *arguments, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout), done.stderr
+
+
+def test_a_selector_leaves_a_part_of_the_graph() -> None:
+    found, told = graph("--select", "1+pcr_cycler_open")
+
+    assert [node["id"] for node in found["nodes"]] == [
+        "lab/context/pcr_cycler_open",
+        "lab/perception/localize_pcr_cycler_lid",
+    ]
+    assert [edge["kind"] for edge in found["edges"]] == ["identifies"]
+    assert told == "2 of 42 nodes\n"
+
+
+def test_several_selectors_add_up_and_what_is_excluded_goes() -> None:
+    found, _ = graph("-s", "kind:observer", "--select", "+pcr_cycler_open", "--exclude", "kind:perception *centrifuge*")
+
+    assert {node["kind"] for node in found["nodes"]} == {"observer", "context"}
+    assert not any("centrifuge" in node["id"] for node in found["nodes"])
+
+
+def test_an_empty_part_is_an_empty_graph() -> None:
+    found, told = graph("--select", "kind:skill,kind:observer")
+
+    assert (found, told) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
+
+
+@pytest.mark.parametrize("format_", ["dot", "json", "mermaid", "svg", "html"])
+def test_an_empty_part_can_be_shown_in_each_form(project: Path, format_: str) -> None:
+    done = codra("graph", "specs", "--select", "kind:skill,kind:observer", "--format", format_, cwd=project)
+
+    assert done.returncode == 0
+    assert done.stdout
+
+
+@pytest.mark.parametrize(
+    ("option", "selector", "told"),
+    [
+        (
+            "--select",
+            "+door_opn",
+            "nothing is called 'door_opn' (did you mean 'door_open'?) (column 2)\n  +door_opn\n   ^^^^^^^^",
+        ),
+        (
+            "--exclude",
+            "kind:skil",
+            "there is no kind 'skil': did you mean 'skill'? (column 6)\n  kind:skil\n       ^^^^",
+        ),
+        (
+            "--select",
+            "a,,b",
+            "a name is missing; a selector has no blanks around '+' and ',' (column 3)\n  a,,b\n    ^",
+        ),
+        ("--select", "", "the selector is empty (column 1)"),
+    ],
+)
+def test_a_wrong_selector_is_a_mistake_of_usage(project: Path, option: str, selector: str, told: str) -> None:
+    done = codra("graph", "specs", option, selector, cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"Error: Invalid value for {option}: {told}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [
+        ("graph.dot", "digraph codra {"),
+        ("graph.gv", "digraph codra {"),
+        ("graph.json", "{"),
+        ("graph.mmd", "flowchart LR"),
+        ("graph.mermaid", "flowchart LR"),
+        ("graph.svg", "<?xml"),
+        ("GRAPH.HTML", "<!doctype html>"),
+        ("graph.txt", "digraph codra {"),
+        ("graph", "digraph codra {"),
+    ],
+)
+def test_the_ending_of_the_file_says_the_form(project: Path, name: str, begins: str) -> None:
+    done = codra("graph", "specs", "--output", name, cwd=project)
+
+    assert (done.returncode, done.stdout) == (0, "")
+    assert (project / name).read_text("utf-8").startswith(begins)
+
+
+def test_a_form_that_is_asked_for_goes_before_the_ending(project: Path) -> None:
+    codra("graph", "specs", "--output", "graph.svg", "--format", "json", cwd=project)
+
+    assert json.loads((project / "graph.svg").read_text())["nodes"]
+
+
+def test_a_variable_that_no_decision_needs_is_told_apart_from_an_unknown_name(project: Path) -> None:
+    unused = "  unused: {type: bool, source: main_execution}\nperception:"
+    (project / "specs/door.yaml").write_text(DOOR.replace("perception:", unused))
+
+    done = codra("graph", "specs", "--select", "unused", cwd=project)
+
+    assert done.returncode == 2
+    assert "nothing is called 'unused' in the graph: it is declared, but no decision needs it" in done.stderr
+
+
+def test_a_graph_too_large_for_mermaid_is_drawn_together_and_says_so(project: Path) -> None:
+    names = [f"door_{number}" for number in range(300)]
+    context = "".join(f"  {name}: {{type: bool, valid_for: 5 s}}\n" for name in names)
+    looks = "".join(
+        f"  see_{name}:\n    call: a.b:c\n    returns: {{seen: {{type: bool}}}}\n    observable_when: [door_open]\n"
+        f"    identifies: {{{name}: seen}}\n"
+        for name in names
+    )
+    spec = DOOR.replace("perception:\n", f"{context}perception:\n{looks}").split("skills:")[0]
+    (project / "specs/door.yaml").write_text(spec)
+
+    done = codra("graph", "specs", "--format", "mermaid", cwd=project)
+
+    assert done.returncode == 0
+    assert "was drawn together: --select shows a part in full" in done.stderr
+    assert "see_door_7<br/>3 nodes" in done.stdout

@@ -1,0 +1,231 @@
+"""`codra init` in real processes: what it writes works at once, and what is there already is never touched."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.load.shape import SCHEMA_FILE
+from codra_dsl.starter import SCHEMA_PATH
+
+WRITTEN = {
+    ".codra/schema.json",
+    ".github/workflows/codra.yml",
+    ".gitignore",
+    ".pre-commit-config.yaml",
+    "README.md",
+    "arm_perception.py",
+    "arm_program.py",
+    "pyproject.toml",
+    "requirements.txt",
+    "specs/arm.yaml",
+    "tests/test_arm.py",
+}
+
+
+def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a module with the interpreter that the project would use: nothing but what is installed, and the project."""
+    unset = ("GITHUB_ACTIONS", "PYTHONPATH", "NO_COLOR", "FORCE_COLOR")
+    return subprocess.run(
+        [sys.executable, "-m", *arguments],
+        cwd=cwd,
+        env={name: value for name, value in os.environ.items() if name not in unset} | {"COLUMNS": "200"},
+        text=True,
+        capture_output=True,
+        check=False,
+    )
+
+
+def codra(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    done = run("codra_dsl", *arguments, cwd=cwd)
+    assert "Traceback" not in done.stdout + done.stderr
+    return done
+
+
+def succeeds(*arguments: str, cwd: Path) -> str:
+    done = run(*arguments, cwd=cwd)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir()}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("projects") / "arm"
+    assert codra("init", "arm", cwd=folder.parent).returncode == 0
+    return folder
+
+
+def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path: Path) -> None:
+    succeeds("codra_dsl", "init", "arm", cwd=tmp_path)
+    folder = tmp_path / "arm"
+
+    assert files(folder) == WRITTEN
+    assert succeeds("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=folder) == ""
+    succeeds("codra_dsl", "compile", "specs", "--fail-on", "warning", cwd=folder)
+    assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
+    assert "5 passed" in succeeds("pytest", "-p", "no:cacheprovider", cwd=folder)
+    assert succeeds("arm_program", cwd=folder) == "set the part down\n"
+    assert "no issues found in 6 source files" in succeeds("mypy", "--strict", cwd=folder)
+
+
+def test_its_program_runs_in_real_time_as_well(project: Path) -> None:
+    succeeds("codra_dsl", "compile", "specs", cwd=project)
+
+    assert succeeds("arm_program", "--real", cwd=project).endswith("set the part down\n")
+
+
+@pytest.mark.parametrize("name", ["generated", "tests", "json", "A", "x" * 100])
+def test_a_project_may_have_any_name_that_a_spec_may_have(name: str, tmp_path: Path) -> None:
+    succeeds("codra_dsl", "init", "--name", name, cwd=tmp_path)
+
+    assert succeeds("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=tmp_path) == ""
+    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    assert succeeds(f"{name}_program", cwd=tmp_path) == "set the part down\n"
+
+
+def test_it_explains_itself(tmp_path: Path) -> None:
+    assert codra("init", "--help", cwd=tmp_path).stdout.startswith("Usage: codra init [OPTIONS] [DIR]\n")
+    assert "\n  init " in codra("--help", cwd=tmp_path).stdout
+
+
+def test_it_says_what_to_do_next(tmp_path: Path) -> None:
+    done = codra("init", "some robots/my-arm", cwd=tmp_path)
+
+    first, *commands = done.stdout.splitlines()
+    assert first == "Next:"
+    assert commands[0] == "  cd 'some robots/my-arm'"
+    assert commands[-1] == "  python my_arm_program.py"
+    assert done.stderr == "my_arm: 11 files written\n"
+
+
+def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
+    (tmp_path / "specs").mkdir()
+    (tmp_path / "specs/door.yaml").write_text("mine")
+    (tmp_path / "setup.cfg").write_text("mine")
+
+    done = codra("init", "--name", "arm", cwd=tmp_path)
+
+    assert done.returncode == 0
+    assert "cd " not in done.stdout
+    assert files(tmp_path) == WRITTEN | {"specs/door.yaml", "setup.cfg"}
+    assert (tmp_path / "specs/door.yaml").read_text() == (tmp_path / "setup.cfg").read_text() == "mine"
+
+
+def test_all_that_stands_in_the_way_is_named_at_once_and_nothing_is_written(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "README.md").write_text("mine")
+    (tmp_path / "specs").write_text("no folder")
+    (tmp_path / ".github").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / ".gitignore").symlink_to("nowhere")
+    before = files(tmp_path)
+
+    done = codra("init", "--name", "arm", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.splitlines() == [
+        "codra: nothing was written, because these are there already:",
+        "  .github",
+        "  .gitignore",
+        "  README.md",
+        "  specs",
+        "help: move them away, or start in a folder of its own, such as: codra init arm",
+    ]
+    assert files(tmp_path) == before
+    assert (tmp_path / "README.md").read_text() == "mine"
+
+
+def test_a_second_time_it_changes_nothing(project: Path) -> None:
+    before = {path: (project / path).read_bytes() for path in WRITTEN}
+
+    done = codra("init", cwd=project)
+
+    assert done.returncode == 1
+    assert [line.strip() for line in done.stderr.splitlines()[1:-1]] == sorted(WRITTEN)
+    assert {path: (project / path).read_bytes() for path in WRITTEN} == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--name", "my-arm"], "'my-arm' is no name"),
+        (["--name", "my-arm"], "write my_arm"),
+        (["--name", "class"], "'class' is a keyword of Python: write class_robot"),
+        (["--name", "known"], "'known' is a function of the condition language: write known_robot"),
+        (["--name", "null"], "'null' is a literal: write null_robot"),
+        (["--name", "x" * 101], "is longer than 100 letters"),
+        (["--name", "../arm"], "write arm"),
+        (["--name", ""], "'' is no name"),
+        (["2nd"], "the folder's name '2nd' gives no name: add --name"),
+        (["--force"], "No such option"),
+        (["taken"], "'taken' is no folder"),
+        (["taken/below"], "cannot write"),
+    ],
+)
+def test_a_wrong_name_or_place_is_told_with_a_way_out(arguments: list[str], told: str, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("mine")
+
+    done = codra("init", *arguments, cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (1 if "below" in arguments[0] else 2, "")
+    assert told in " ".join(done.stderr.split())
+    assert files(tmp_path) == {"taken"}
+
+
+def test_in_a_part_of_a_repository_it_says_what_is_read_only_at_the_top(tmp_path: Path) -> None:
+    (tmp_path / ".git").mkdir()
+
+    assert "The repository begins further up" in codra("init", "arm", cwd=tmp_path).stderr
+    assert "The repository" not in codra("init", "--name", "arm", cwd=tmp_path).stderr
+
+
+# The schema for editors
+
+
+def test_a_stale_copy_of_the_schema_is_found_and_renewed(tmp_path: Path) -> None:
+    succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
+    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    (tmp_path / SCHEMA_PATH).write_text("{}")
+
+    found = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
+    assert found.returncode == 1
+    assert ".codra/schema.json:1:1: error[CDR6003]" in found.stdout
+    assert "renew it with 'codra compile'" in found.stdout
+    assert (tmp_path / SCHEMA_PATH).read_text() == "{}"
+
+    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    assert (tmp_path / SCHEMA_PATH).read_bytes() == SCHEMA_FILE.read_bytes()
+    assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path) == ""
+    assert [path.name for path in (tmp_path / ".codra").iterdir()] == ["schema.json"]
+
+
+def test_a_project_without_a_copy_gets_none(tmp_path: Path) -> None:
+    succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
+    (tmp_path / SCHEMA_PATH).unlink()
+
+    succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
+    succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path)
+
+    assert not (tmp_path / SCHEMA_PATH).exists()
+
+
+@pytest.mark.parametrize("link", [".codra", SCHEMA_PATH])
+def test_a_copy_behind_a_link_is_left_alone(link: str, tmp_path: Path) -> None:
+    project, elsewhere = tmp_path / "arm", tmp_path / "elsewhere"
+    succeeds("codra_dsl", "init", "arm", cwd=tmp_path)
+    (project / ".codra").rename(elsewhere)
+    (elsewhere / "schema.json").write_text("not ours")
+    (project / link).parent.mkdir(exist_ok=True)
+    (project / link).symlink_to(elsewhere if link == ".codra" else elsewhere / "schema.json")
+
+    succeeds("codra_dsl", "compile", "specs", cwd=project)
+
+    assert (elsewhere / "schema.json").read_text() == "not ours"
+    assert [path.name for path in elsewhere.iterdir()] == ["schema.json"]

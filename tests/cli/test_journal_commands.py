@@ -1,0 +1,295 @@
+"""`codra journal recover`, `codra replay` and `codra why` in real processes, on journals of real runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_commands import ROOT, codra
+
+SPEC = """\
+codra: 1
+name: door
+agents:
+  house: {}
+context:
+  light_level: {type: float, unit: lux, range: [0, 2000], source: house, valid_for: 1 min}
+  door_near: {type: bool, source: main_execution, valid_for: forever}
+  door_open: {type: bool, valid_for: 30 s}
+perception:
+  look_at_door:
+    call: door_perception:look_at_door
+    returns:
+      angle: {type: float, unit: rad, optional: true}
+      edges: {type: int, range: [0, 20]}
+    observable_when:
+      - light_level > 20 lux
+      - door_near
+    accept_when:
+      - edges >= 2
+    identifies:
+      door_open: angle > 30 deg
+skills:
+  open_door:
+    preview: [door_open]
+    monitor: [door_open]
+    changes: [door_open]
+"""
+
+PERCEPTION = """\
+def look_at_door(*, job):
+    job.sleep(0.25)
+    return {"angle": 1.0, "edges": 4 if job.index % 4 else 1}
+"""
+
+PROGRAM = """\
+import sys
+from codra_dsl.runtime import Journal, SimClock
+from generated import door
+
+clock = SimClock()
+with door.start(clock=clock, resources={}, record=Journal(sys.argv[1])) as codra:
+    codra.expect("open_door")
+    clock.sleep(1.0)
+    codra.agent("house").set("light_level", 300.0)
+    clock.sleep(1.0)
+    codra.set("door_near", True)
+    clock.sleep(2.0)
+    with codra.skill("open_door") as skill:
+        codra.decide("door_open", otherwise=lambda: None)
+        with skill.acting():
+            clock.sleep(1.0)
+    codra.declare("door_open")
+    clock.sleep(2.5)
+"""
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project whose program has run and left a journal, `run.mcap`."""
+    folder = tmp_path_factory.mktemp("project")
+    (folder / "specs").mkdir()
+    (folder / "pyproject.toml").write_text("[tool.codra]\n")
+    (folder / "specs/door.yaml").write_text(SPEC)
+    (folder / "door_perception.py").write_text(PERCEPTION)
+    (folder / "program.py").write_text(PROGRAM)
+    assert codra("compile", "specs", cwd=folder).returncode == 0
+    subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=folder, check=True)
+    return folder
+
+
+def copied(project: Path, to: Path) -> Path:
+    shutil.copytree(project, to / "project")
+    return to / "project"
+
+
+# Why
+
+
+def test_why_leads_from_unknown_to_the_condition_that_was_missing_with_its_line(project: Path) -> None:
+    done = codra("why", "door_open", "--journal", "run.mcap", "--at", "1.5 s", cwd=project)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [
+        "door_open is unknown (never_observed) at 1.5 s  [specs/door.yaml:8]",
+        "  nobody has identified it yet",
+        "  observer look_at_door runs since 0 s",
+        "  declared since 0 s for expected",
+        "  perception look_at_door cannot look  [specs/door.yaml:10]",
+        "    door_near is unknown (never_observed) at 1.5 s  [specs/door.yaml:17]",
+        "      nobody has written it: for main_execution to write",
+        "  missing: door_near = true",
+    ]
+
+
+def test_why_leads_from_a_value_to_its_evidence_with_the_lines_of_the_rules(project: Path) -> None:
+    done = codra("why", "door_open", "--journal", "run.mcap", "--at", "+3.9", cwd=project)
+
+    assert done.returncode == 0
+    assert "  perception look_at_door saw angle = 1 rad, edges = 4 (job 1)\n" in done.stdout
+    assert "    which makes it: angle > 0.5235987755982988  [specs/door.yaml:21]\n" in done.stdout
+    assert "    light_level > 20 lux holds  [specs/door.yaml:16]\n" in done.stdout
+    assert "        written by agent house at 1 s\n" in done.stdout
+
+
+def test_why_needs_neither_spec_nor_package(project: Path, tmp_path: Path) -> None:
+    shutil.copy(project / "run.mcap", tmp_path)
+    here, there = (
+        codra("why", "door_open", "--journal", "run.mcap", "--at", "1.5", cwd=folder) for folder in (tmp_path, project)
+    )
+
+    assert here.stdout == there.stdout != ""
+
+
+def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: Path) -> None:
+    done = codra("why", "door_open", "--journal", "run.mcap", "--format", "json", cwd=project)
+
+    found = json.loads(done.stdout)
+    assert (found["at_s"], found["reading"]["content"], found["missing"]) == (7.5, True, [])
+    assert found["look"]["place"] == {"file": "specs/door.yaml", "line": 21, "use": None}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (
+            ["door_opn", "--journal", "run.mcap"],
+            "the spec has no context-variable 'door_opn': did you mean 'door_open'?",
+        ),
+        (["door_open", "--journal", "run.mcap", "--at", "soon"], "'soon' is no instant such as '31.5' or '+2 min'"),
+        (["door_open", "--journal", "run.mcap", "--at", "99"], "the journal holds 0 s to 7.500 s, not 99 s"),
+        (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is no instant"),
+        (["door_open", "--journal", "missing.mcap"], "'missing.mcap' does not exist"),
+        (["door_open"], "Missing option '--journal'"),
+    ],
+)
+def test_what_cannot_be_asked_is_a_mistake_of_usage(project: Path, arguments: list[str], told: str) -> None:
+    done = codra("why", *arguments, cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert told in " ".join(done.stderr.split())
+
+
+# Replay
+
+
+def test_a_replay_with_the_compiled_package_is_equal(project: Path, tmp_path: Path) -> None:
+    done = codra("replay", "run.mcap", "--journal", f"{tmp_path}/again.mcap", cwd=project)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("equal: ")
+    assert (tmp_path / "again.mcap").read_bytes() == (project / "run.mcap").read_bytes()
+
+
+def test_a_replay_calls_no_perception_function(project: Path, tmp_path: Path) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "door_perception.py").unlink()
+
+    assert codra("replay", "run.mcap", cwd=elsewhere).returncode == 0
+
+
+def test_another_threshold_is_told_and_found_at_its_first_consequence_with_its_line(
+    project: Path, tmp_path: Path
+) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "specs/door.yaml").write_text(SPEC.replace("angle > 30 deg", "angle > 80 deg"))
+    done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
+
+    assert done.returncode == 1
+    assert "the package says something else than what ran" in done.stderr
+    first, recorded, derived = done.stdout.splitlines()[:3]
+    assert first.endswith("variable door_open  [specs/door.yaml:21]")
+    assert '"value":true' in recorded
+    assert '"value":false' in derived
+
+
+def test_another_precondition_is_found_at_the_first_look_that_would_not_have_been(
+    project: Path, tmp_path: Path
+) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "specs/door.yaml").write_text(SPEC.replace("light_level > 20 lux", "light_level > 500 lux"))
+    assert codra("compile", "specs", cwd=elsewhere).returncode == 0
+    done = codra("replay", "run.mcap", cwd=elsewhere)
+
+    assert done.returncode == 1
+    assert "2 s: job look_at_door  [specs/door.yaml:10]" in done.stdout.splitlines()[0]
+    assert "no event in its place" in done.stdout
+
+
+def test_a_comment_in_the_spec_makes_no_difference(project: Path, tmp_path: Path) -> None:
+    elsewhere = copied(project, tmp_path)
+    (elsewhere / "specs/door.yaml").write_text(f"# One more line.\n{SPEC}")
+    done = codra("replay", "run.mcap", "--spec", "specs/door.yaml", cwd=elsewhere)
+
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--package", "specs"], "'specs' is no package of codra that can be loaded"),
+        (["--spec", "program.py"], "does not compile to one package"),
+    ],
+)
+def test_what_cannot_be_loaded_is_named(project: Path, arguments: list[str], told: str) -> None:
+    done = codra("replay", "run.mcap", *arguments, cwd=project)
+
+    assert (done.returncode, done.stdout, "Traceback" in done.stderr) == (1, "", False)
+    assert told in done.stderr
+
+
+def test_without_a_package_the_way_out_is_told(project: Path, tmp_path: Path) -> None:
+    shutil.copy(project / "run.mcap", tmp_path)
+    done = codra("replay", "run.mcap", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "say where with --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+
+
+# Recover
+
+
+def test_a_torn_journal_is_told_read_and_mended(project: Path, tmp_path: Path) -> None:
+    elsewhere = copied(project, tmp_path)
+    whole = (elsewhere / "run.mcap").read_bytes()
+    (elsewhere / "torn.mcap").write_bytes(whole[:-9])
+
+    why = codra("why", "door_open", "--journal", "torn.mcap", cwd=elsewhere)
+    assert why.returncode == 0
+    assert why.stderr == "codra: 'torn.mcap' lacks its end: it holds what happened up to 7.500 s\n"
+    done = codra("journal", "recover", "torn.mcap", cwd=elsewhere)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("torn.recovered.mcap: ")
+    assert "lost at the end: at most the message that was being written" in done.stdout
+    assert (elsewhere / "torn.recovered.mcap").read_bytes() == whole
+    assert codra("replay", "torn.mcap", cwd=elsewhere).returncode == 0
+
+
+def test_a_whole_journal_is_said_to_be_whole(project: Path, tmp_path: Path) -> None:
+    done = codra("journal", "recover", "run.mcap", "--output", f"{tmp_path}/same.mcap", cwd=project)
+
+    assert (done.returncode, "the journal was whole: nothing was lost" in done.stdout) == (0, True)
+    assert (tmp_path / "same.mcap").read_bytes() == (project / "run.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("command", [["journal", "recover"], ["replay"], ["why", "door_open", "--journal"]])
+def test_a_file_of_another_kind_is_refused_without_a_traceback(project: Path, command: list[str]) -> None:
+    done = codra(*command, "specs/door.yaml", cwd=project)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "codra: specs/door.yaml is no file of MCAP\n"
+
+
+def test_the_journal_itself_is_never_the_target(project: Path) -> None:
+    for arguments in (["journal", "recover", "run.mcap", "--output"], ["replay", "run.mcap", "--journal"]):
+        done = codra(*arguments, "./run.mcap", cwd=project)
+
+        assert done.returncode == 2
+        assert "is the journal itself" in " ".join(done.stderr.split())
+
+
+# The laboratory
+
+
+def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Path) -> None:
+    """Forty simulated seconds of rendered frames; the replay renders none and takes the compiled package."""
+    for name in ("a.mcap", "b.mcap"):
+        arguments = ("--seed", "2", "--for", "40 s", "--journal", f"{tmp_path}/{name}", "--out", f"{tmp_path}/out")
+        assert codra("run", "specs/lab.yaml", *arguments, cwd=ROOT).returncode == 0
+    done = codra("replay", f"{tmp_path}/a.mcap", "--journal", f"{tmp_path}/c.mcap", cwd=ROOT)
+
+    assert (done.returncode, done.stderr) == (0, "")
+    contents = [(tmp_path / name).read_bytes() for name in ("a.mcap", "b.mcap", "c.mcap")]
+    assert contents[0] == contents[1] == contents[2]
+
+
+def test_a_journal_that_cannot_be_made_is_refused_before_the_run(tmp_path: Path) -> None:
+    done = codra("run", str(ROOT / "specs/lab.yaml"), "--journal", "missing/run.mcap", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "cannot write 'missing/run.mcap': No such file or directory" in " ".join(done.stderr.split())

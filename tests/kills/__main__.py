@@ -1,0 +1,32 @@
+"""Kills writers of journals and says what was lost: `python -m tests.kills TRIALS [SEED]`."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+from random import Random
+
+from tests.kills.trial import trial
+
+
+def main(trials: int, seed: int) -> int:
+    """Run the trials; return 1 if a journal lost what its writer had told of."""
+    chance = Random(seed)
+    with tempfile.TemporaryDirectory(prefix="codra-kills-") as folder:
+        outcomes = [trial(Path(folder), chance) for _ in range(trials)]
+    begun = [each for each in outcomes if each.acknowledged is not None]
+    beyond = [(each.written or 0) - (each.acknowledged or 0) for each in begun]
+    wrong = [mistake for each in outcomes for mistake in each.mistakes]
+    torn = sum(each.torn for each in begun)
+    print(f"{trials} writers killed, seed {seed}: {len(begun)} had begun, {torn} journals torn")
+    print(f"{sum(each.messages for each in outcomes)} messages recovered")
+    print(f"writes held beyond the last acknowledged one: {min(beyond, default=0)} to {max(beyond, default=0)}")
+    print(f"mistakes: {len(wrong)}")
+    for mistake in wrong[:20]:
+        print(f"  {mistake}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1))

@@ -1,0 +1,310 @@
+"""Whether what `call` names is there and takes what it gets: real modules beside a spec, read and never imported."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.diagnostics import Diagnostic
+from codra_dsl.load import load_spec
+from codra_dsl.load.modules import MAX_MODULE_BYTES
+
+SPEC = """\
+codra: 1
+name: bench
+context:
+  near: {type: bool, source: main_execution}
+  clean: {type: bool}
+resources:
+  camera: {}
+  vision: {slots: 1}
+perception:
+  look:
+    call: bench.perception:look
+    with: {gain: 3}
+    uses: {camera: read, vision: slot}
+    given: [near]
+    returns: {dirt: {type: float}}
+    identifies: {clean: dirt < 3}
+"""
+
+LOOK = "def look(*, camera, gain, near, job):\n    return {'dirt': 0.0}\n"
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """A project in which `bench.perception:look` takes what the spec gives it."""
+    package = tmp_path / "bench"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "perception.py").write_text(LOOK)
+    return tmp_path
+
+
+def found_in(root: Path, text: str = SPEC) -> tuple[Diagnostic, ...]:
+    (root / "spec.yaml").write_text(text)
+    return load_spec(root / "spec.yaml", root)[1]
+
+
+def told(root: Path, text: str = SPEC) -> list[tuple[str, str]]:
+    return [(found.rule.name, found.help) for found in found_in(root, text)]
+
+
+def with_module(root: Path, text: str) -> list[tuple[str, str]]:
+    """What is found when the module reads so."""
+    (root / "bench" / "perception.py").write_text(text)
+    return told(root)
+
+
+def test_a_call_that_fits_gives_no_finding(project: Path) -> None:
+    assert found_in(project) == ()
+
+
+# Modules and functions
+
+
+@pytest.mark.parametrize(
+    ("call", "way_out"),
+    [
+        ("bench.percepton:look", "did you mean 'bench.perception'?"),
+        ("bnch.perception:look", "did you mean 'bench.perception'?"),
+        ("benchperception:look", "did you mean 'bench.perception'?"),
+        ("bench.vision:look", "write it, or name the one where the function is"),
+        ("bench.perception.deep:look", "write it, or name the one where the function is"),
+        ("bench.perception:lok", "did you mean 'look'?"),
+        ("bench.perception:measure_distance", "it has 'look'"),
+    ],
+)
+def test_a_call_that_leads_nowhere_is_told_with_the_way_out(project: Path, call: str, way_out: str) -> None:
+    (found,) = found_in(project, SPEC.replace("bench.perception:look", call))
+
+    assert (found.rule.name, found.help) == ("call-not-found", way_out)
+    assert found.place.span.line == 11
+
+
+@pytest.mark.parametrize("call", ["numpy:mean", "elsewhere.perception:look", "perception:look", "bench2.seeing:look"])
+def test_a_package_that_the_project_does_not_hold_may_be_installed(project: Path, call: str) -> None:
+    assert found_in(project, SPEC.replace("bench.perception:look", call)) == ()
+
+
+def test_modules_may_stand_in_src(tmp_path: Path) -> None:
+    package = tmp_path / "src" / "bench"
+    package.mkdir(parents=True)
+    (package / "perception.py").write_text(LOOK)
+
+    assert found_in(tmp_path) == ()
+    assert told(tmp_path, SPEC.replace(":look", ":lok")) == [("call-not-found", "did you mean 'look'?")]
+
+
+def test_a_function_may_stand_in_a_package_or_in_a_module_beside_the_spec(project: Path) -> None:
+    (project / "bench" / "__init__.py").write_text(LOOK)
+    (project / "one.py").write_text(LOOK)
+
+    assert found_in(project, SPEC.replace("bench.perception:look", "bench:look")) == ()
+    assert found_in(project, SPEC.replace("bench.perception:look", "one:look")) == ()
+
+
+def test_a_module_that_is_not_there_is_one_finding_for_all_that_call_it(project: Path) -> None:
+    second = SPEC.partition("perception:\n")[2].replace("  look:", "  look_again:").replace(":look", ":again")
+    text = SPEC.replace("bench.perception", "bench.percepton") + second.replace("bench.perception", "bench.percepton")
+    (found,) = found_in(project, text)
+
+    assert [other.message for other in found.related] == ["also in algorithm 'look_again'"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "def __getattr__(name):\n    return print\n",
+        "from elsewhere import *\n",
+        "from elsewhere import look\n",
+        "import look\n",
+        "look = make()\n",
+        "try:\n    from a import look\nexcept ImportError:\n    look = None\n",
+        "if True:\n    def look(): pass\n",
+        "with a as (look, b):\n    pass\n",
+        "(look := 3)\n",
+        "globals()['look'] = print\n",
+        "this is no Python\n",
+        "def look(): pass\ndef look(x): pass\n",
+        "@decorated\ndef look(): pass\n",
+        "class look(Base): pass\n",
+        "@dataclass\nclass look:\n    camera: int\n",
+    ],
+)
+def test_of_what_cannot_be_read_for_certain_nothing_is_told(project: Path, text: str) -> None:
+    assert with_module(project, text) == []
+
+
+def test_a_compiled_module_and_a_package_that_says_where_its_modules_are_may_have_anything(project: Path) -> None:
+    (project / "bench" / "fast.cpython-311-x86_64-linux-gnu.so").touch()
+    assert found_in(project, SPEC.replace("bench.perception:look", "bench.fast:look")) == ()
+
+    (project / "bench" / "__init__.py").write_text("__path__.append('elsewhere')\n")
+    assert found_in(project, SPEC.replace("bench.perception:look", "bench.other:look")) == ()
+
+
+def test_a_folder_without_python_is_no_package(tmp_path: Path) -> None:
+    (tmp_path / "bench" / "pictures").mkdir(parents=True)
+    (tmp_path / "bench" / "bench.yaml").touch()
+
+    assert found_in(tmp_path) == ()
+
+
+def test_a_package_may_do_without_init(tmp_path: Path) -> None:
+    (tmp_path / "code" / "bench").mkdir(parents=True)
+    (tmp_path / "code" / "bench" / "perception.py").write_text(LOOK)
+
+    assert told(tmp_path, SPEC.replace("bench.perception", "code.bnch.perception")) == [
+        ("call-not-found", "did you mean 'code.bench.perception'?")
+    ]
+
+
+# Arguments
+
+
+@pytest.mark.parametrize(
+    ("signature", "way_out"),
+    [
+        ("*, camera, gain, near, job", None),
+        ("camera, gain, near, job", None),
+        ("job, **given", None),
+        ("*, camera, gain=2, near, job, extra=None", None),
+        ("*, camera, gian, near, job", "did you mean 'gian'?"),
+        ("*, camera, contrast, near, job", "did you mean 'contrast', which is missing?"),
+        ("*, camera, near, job", "it takes 'camera', 'job', 'near'"),
+        ("*, camera, gain, near", "add it: every perception function gets 'job'"),
+        ("", "it takes none"),
+        ("camera, /, gain, near, job", "let it be taken by its name: arguments are given so only"),
+        ("*, camera, gain, near, job, extra", "give it under 'with', 'uses' or 'given', or give it a default value"),
+    ],
+)
+def test_a_function_must_take_what_it_gets_and_get_what_it_needs(
+    project: Path, signature: str, way_out: str | None
+) -> None:
+    found = with_module(project, f"def look({signature}):\n    return {{}}\n")
+
+    assert found == [] if way_out is None else ("call-arguments", way_out) in found
+
+
+@pytest.mark.parametrize(
+    ("body", "way_out"),
+    [
+        ("def __init__(self, camera, gain, near, job): pass", None),
+        ("def __init__(self, camera, gian, near, job): pass", "did you mean 'gian'?"),
+        ("def __new__(cls): pass", None),
+        ("pass", "it takes none"),
+    ],
+)
+def test_a_class_takes_what_its_init_does(project: Path, body: str, way_out: str | None) -> None:
+    found = with_module(project, f"class look:\n    {body}\n")
+
+    assert found == [] if way_out is None else ("call-arguments", way_out) in found
+
+
+def test_several_arguments_that_a_function_does_not_take_are_one_finding(project: Path) -> None:
+    (project / "bench" / "perception.py").write_text("def look(job): return {}\n")
+    (found,) = found_in(project)
+
+    assert "takes no arguments 'gain', 'camera', 'near', all of which algorithm 'look' gives it" in found.message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [("gain: 3", "gian: 3", 12), ("camera: read", "camra: read", 13), ("given: [near]", "given: [neer]", 14)],
+)
+def test_the_place_is_that_of_the_argument(project: Path, old: str, new: str, line: int) -> None:
+    declared = SPEC.replace("  near: {", "  near: {type: bool, source: main_execution}\n  neer: {")
+    declared = declared.replace("  camera: {}", "  camera: {}\n  camra: {}")
+    (found,) = found_in(project, declared.replace(old, new))
+
+    assert found.help.startswith("did you mean '")
+    assert found.place.span.line == line + 2
+
+
+def test_what_is_not_declared_or_cannot_be_read_is_not_held_against_a_function(project: Path) -> None:
+    assert found_in(project, SPEC.replace("camera: read", "camra: read")) == ()  # `check` tells that there is none
+    assert [found.rule.name for found in found_in(project, SPEC.replace("{gain: 3}", "{gain-1: 3}"))] == [
+        "ill-formed-name"
+    ]
+
+
+def test_each_use_of_a_template_calls_with_its_own_arguments_and_a_mistake_is_told_once(project: Path) -> None:
+    text = """\
+codra: 1
+name: bench
+resources: {camera: {}}
+templates:
+  jar:
+    context: {$(instance)_full: {type: bool}}
+    perception:
+      look_into_$(instance):
+        call: bench.perception:look
+        with: {gain: 1, nearr: $(instance)}
+        uses: {camera: read}
+        returns: {level: {type: float}}
+        identifies: {$(instance)_full: level > 1}
+use:
+  sugar: {template: jar}
+  salt: {template: jar}
+"""
+    (found,) = found_in(project, text)
+
+    assert found.help == "did you mean 'near'?"
+    assert found.place.span.line == 10
+
+
+# Safety
+
+
+def test_nothing_of_a_module_is_run(project: Path) -> None:
+    ran = project / "ran"
+    text = f"open({str(ran)!r}, 'w').close()\nraise SystemExit\n{LOOK}"
+
+    assert with_module(project, text) == []
+    assert not ran.exists()
+    assert not any(name == "bench" or name.startswith("bench.") for name in sys.modules)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * 100_000,
+        "-" * 200_000 + "a",
+        "a" + ".a" * 100_000,
+        "\0",
+        "\ud800".encode("utf-8", "surrogatepass").decode("latin-1"),
+    ],
+    ids=["parentheses", "signs", "attributes", "zero", "no text"],
+)
+def test_a_module_that_no_parser_likes_is_left_alone(project: Path, text: str) -> None:
+    assert with_module(project, text) == []
+
+
+def test_modules_that_are_too_large_or_no_files_or_elsewhere_are_left_alone(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    module = project / "bench" / "perception.py"
+    module.write_text("#" * MAX_MODULE_BYTES + "\n")
+    assert found_in(project) == ()
+
+    module.unlink()
+    module.mkdir()
+    assert found_in(project) == ()
+
+    module.rmdir()
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "perception.py"
+    elsewhere.write_text("def other(): pass\n")
+    module.symlink_to(elsewhere)
+    assert found_in(project) == ()
+
+
+def test_the_spec_names_the_modules_that_decide_what_is_found(project: Path) -> None:
+    (project / "spec.yaml").write_text(SPEC)
+    spec, _ = load_spec(project / "spec.yaml", project)
+    assert spec is not None
+
+    assert "bench/perception.py" in spec.modules
+    assert "src/bench/perception.py" in spec.modules

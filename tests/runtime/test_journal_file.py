@@ -1,0 +1,472 @@
+"""The journal as a file: what readers that are not ours find in it, and what is left of it after a death."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given as drawn
+from hypothesis import settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import Chunk
+
+from codra_dsl.runtime import ContextManager, Journal, Record, SimClock
+from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.mcap_file import CHUNK_BYTES, OPEN_CHUNK
+from codra_dsl.runtime.journal.reading import JournalError, JournalReader
+from codra_dsl.runtime.journal.recovery import recover
+from codra_dsl.runtime.model import integer, member, real, text
+from tests.runtime.door import MODEL, Door
+from tests.runtime.forests import World, forest, given
+from tests.runtime.journals import messages, read, records, run_door
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A journal of several chunks."""
+    path = tmp_path_factory.mktemp("journal") / "run.mcap"
+    run_door(path, loops=40)
+    return path
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A journal with its events, which are too many to be shown."""
+
+    path: Path
+    events: list[Event] = field(repr=False)
+
+
+@pytest.fixture(scope="module")
+def whole(long_run: Path) -> Whole:
+    return Whole(long_run, read(long_run)[1])
+
+
+# What other readers find
+
+
+def test_a_reader_of_others_finds_every_event_in_order(tmp_path: Path) -> None:
+    journal = run_door(tmp_path / "run.mcap")
+
+    told = [(topic.split("/")[2], each["name"], each["what"]) for topic, each, *_ in messages(journal.path)[1:]]
+    mine = [(kind, name, what) for kind, name, what in told if kind != "input"]
+    folders = {"variable": "context", "job": "perception"}
+    assert mine == [(folders.get(each.kind, each.kind), each.name, each.what) for each in journal]
+
+
+def test_each_variable_observer_and_algorithm_has_a_topic_of_its_own(long_run: Path) -> None:
+    topics = Counter(topic for topic, *_ in messages(long_run))
+
+    assert set(topics) == {
+        "/codra/run",
+        "/codra/input",
+        *(f"/codra/context/{name}" for name in ("localized", "near", "open")),
+        *(f"/codra/declaration/{name}" for name in ("localized", "near", "open")),
+        *(f"/codra/observer/{name}" for name in ("door_distance", "door_lid")),
+        *(f"/codra/perception/{name}" for name in ("measure_distance", "look")),
+        "/codra/decision/open",
+    }
+    assert topics["/codra/run"] == 1
+
+
+def fields_without_words(schema: dict[str, Any], path: str) -> list[str]:
+    own = [] if schema.get("description") else [path]
+    inner = (fields_without_words(each, f"{path}.{name}") for name, each in schema.get("properties", {}).items())
+    return [*own, *(name for names in inner for name in names)]
+
+
+def types_that_viewers_do_not_know(schema: dict[str, Any], path: str) -> list[str]:
+    """Foxglove's reader of JSON schemas wants one of these types for each field, and the properties of each object."""
+    if schema["type"] == "object":
+        if schema.get("additionalProperties") is not False:
+            return [path]
+        found = (types_that_viewers_do_not_know(each, f"{path}.{name}") for name, each in schema["properties"].items())
+        return [name for names in found for name in names]
+    kind = schema["items"]["type"] if schema["type"] == "array" else schema["type"]
+    return [] if kind in ("boolean", "string", "number", "integer") else [path]
+
+
+def test_the_schemas_describe_every_field_of_every_message(long_run: Path) -> None:
+    with long_run.open("rb") as stream:
+        reader = make_reader(stream)
+        for schema, _, message in reader.iter_messages():
+            assert schema is not None
+            jsonschema.Draft202012Validator(json.loads(schema.data)).validate(json.loads(message.data))
+        summary = reader.get_summary()
+    assert summary is not None
+    for schema in summary.schemas.values():
+        described = json.loads(schema.data)
+        jsonschema.Draft202012Validator.check_schema(described)
+        assert schema.encoding == "jsonschema"
+        assert fields_without_words(described, schema.name) == []
+        assert types_that_viewers_do_not_know(described, schema.name) == []
+    assert {channel.message_encoding for channel in summary.channels.values()} == {"json"}
+
+
+def test_what_is_unknown_is_left_out_and_infinity_stays_what_it_is(tmp_path: Path) -> None:
+    model = forest([given("size", type=real(unit="m")), given("count", type=integer()), given("word", type=text())])
+    journal = Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](model, clock=SimClock(), resources={"world": World()}, record=journal) as manager:
+        manager.set("size", float("inf"))
+        manager.set("size", float("nan"))
+        manager.set("count", 2**63 - 1)
+        manager.set("word", "Tür\n\u2028")
+    _, events = read(journal.path)
+
+    values = [(event.name, event.details.get("value")) for event in events if event.kind is Kind.VARIABLE]
+    assert values == [("size", float("inf")), ("size", None), ("count", 2**63 - 1), ("word", "Tür\n\u2028")]
+    contents = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/context/size"]
+    assert ("value" in contents[0], "value" in contents[1], contents[1]["reason"]) == (True, False, "rejected")
+
+
+def test_the_log_time_is_the_instant_and_the_publish_time_that_of_the_evidence(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap")
+
+    for topic, content, log_ns, publish_ns in messages(tmp_path / "run.mcap")[1:]:
+        assert log_ns == round(content["instant_s"] * 1e9)
+        evidence_s = content.get("evidence_s") if topic.startswith(("/codra/context", "/codra/perception")) else None
+        taken_s = evidence_s[-1] if isinstance(evidence_s, list) else evidence_s
+        assert publish_ns == (log_ns if taken_s is None else round(taken_s * 1e9))
+        if topic == "/codra/context/open" and content["source"] == "look":
+            assert publish_ns < log_ns
+
+
+def test_instants_before_zero_are_zero_for_others_and_kept_for_us(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap", loops=1, start_s=-5.0)
+    _, events = read(tmp_path / "run.mcap")
+
+    assert events[0].instant_s == -5.0
+    assert messages(tmp_path / "run.mcap")[1][2] == 0
+
+
+def test_the_head_tells_what_ran(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap", seed=7, start_s=100.0)
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        (metadata,) = make_reader(stream).iter_metadata()
+    head, _ = read(tmp_path / "run.mcap")
+
+    assert metadata.name == "codra-journal"
+    assert {"spec": "door", "seed": "7", "start_s": "100.0"}.items() <= metadata.metadata.items()
+    assert (head.spec, head.seed, head.start_s, head.model) == ("door", 7, 100.0, "")
+    assert messages(tmp_path / "run.mcap")[0][1] == head.plain()
+
+
+def test_units_labels_and_members_stand_with_the_topic(tmp_path: Path) -> None:
+    model = forest(
+        [
+            given("light", type=real(0, 9, unit="lux"), label="Licht", valid_for_s=60.0),
+            given("mode", type=member("idle", "busy")),
+        ]
+    )
+    journal = Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](model, clock=SimClock(), resources={"world": World()}, record=journal) as manager:
+        manager.set("light", 3.0)
+        manager.set("mode", "idle")
+    with journal.path.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+
+    about = {channel.topic: channel.metadata for channel in summary.channels.values()}
+    assert about["/codra/context/light"] == {"label": "Licht", "unit": "lux", "valid_for_s": "60"}
+    assert about["/codra/context/mode"] == {"values": "idle, busy"}
+
+
+def test_messages_stand_in_compressed_chunks_with_an_index(long_run: Path) -> None:
+    found = records(long_run)
+
+    chunks = [each for each in found if isinstance(each, Chunk)]
+    assert len(chunks) > 3
+    assert {each.compression for each in chunks} == {"zstd"}
+    assert all(each.uncompressed_size <= CHUNK_BYTES for each in chunks)
+    with long_run.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert len(summary.chunk_indexes) == len(chunks)
+
+
+# The same run, the same bytes
+
+
+def test_equal_seeds_give_equal_bytes(tmp_path: Path) -> None:
+    first, second, other = (run_door(tmp_path / name, seed=seed).path for name, seed in (("a", 3), ("b", 3), ("c", 4)))
+
+    assert first.read_bytes() == second.read_bytes() != other.read_bytes()
+
+
+def test_equal_seeds_give_equal_bytes_in_processes_of_other_hash_seeds(tmp_path: Path) -> None:
+    program = (
+        "import sys; from pathlib import Path; from tests.runtime.journals import run_door; run_door(Path(sys.argv[1]))"
+    )
+    for seed in "12":
+        environment = {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
+        subprocess.run([sys.executable, "-c", program, tmp_path / seed], env=environment, check=True)
+
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
+
+
+# What a death leaves
+
+
+def finished_after(events: list[Event], path: Path) -> bytes:
+    """The journal of a run that ended right after some events."""
+    journal = Journal(path)
+    head, _ = read(path.parent / "whole.mcap")
+    journal.begin(lambda: head)
+    for event in events:
+        journal.add(event)
+    journal.end()
+    return path.read_bytes()
+
+
+def test_what_is_recovered_is_what_would_have_been_finished_then(tmp_path: Path) -> None:
+    run_door(tmp_path / "whole.mcap", loops=8)
+    head, events = read(tmp_path / "whole.mcap")
+    for count in (0, 1, 40, 300, len(events) - 1):
+        torn = Journal(tmp_path / "torn.mcap")
+        torn.begin(lambda: head)
+        for event in events[:count]:
+            torn.add(event)
+        dead = tmp_path / "dead.mcap"
+        dead.write_bytes(torn.path.read_bytes())  # what another process sees while the writer lives
+        torn.end()
+
+        found = recover(dead, tmp_path / "recovered.mcap")
+        assert (found.messages, found.damage.is_torn, found.damage.unread) == (count + 1, True, [])
+        assert (tmp_path / "recovered.mcap").read_bytes() == finished_after(events[:count], tmp_path / "again.mcap")
+
+
+def test_a_torn_journal_is_read_as_it_is(tmp_path: Path) -> None:
+    whole = run_door(tmp_path / "run.mcap").path
+    (tmp_path / "torn.mcap").write_bytes(whole.read_bytes()[:-1])
+
+    with JournalReader(tmp_path / "torn.mcap") as reader:
+        assert list(reader.events()) == read(whole)[1]
+        assert reader.damage.is_torn
+
+
+@drawn(share=st.floats(0.0, 1.0))
+@settings(max_examples=60)
+def test_a_journal_that_is_cut_anywhere_keeps_its_whole_chunks(whole: Whole, share: float) -> None:
+    content = whole.path.read_bytes()
+    cut = content[: int(share * len(content))]
+    torn = whole.path.with_name("cut.mcap")
+    torn.write_bytes(cut)
+    try:
+        with JournalReader(torn) as reader:
+            reader.head()
+            kept = list(reader.events())
+    except JournalError:
+        assert len(cut) < CHUNK_BYTES
+        return
+    assert kept == whole.events[: len(kept)]
+    assert len(kept) >= len(whole.events) * (len(cut) - 2 * CHUNK_BYTES) / len(content) - 1500
+
+
+@drawn(place=st.floats(0.0, 1.0), byte=st.integers(0, 255))
+@settings(max_examples=80)
+def test_a_flipped_byte_costs_what_it_hits_and_never_a_crash(whole: Whole, place: float, byte: int) -> None:
+    content = bytearray(whole.path.read_bytes())
+    content[int(place * (len(content) - 1))] = byte
+    damaged = whole.path.with_name("damaged.mcap")
+    damaged.write_bytes(content)
+    everything = set(map(Event.as_json, whole.events))
+    try:
+        with JournalReader(damaged) as reader:
+            reader.head()
+            found = set(map(Event.as_json, reader.events()))
+    except JournalError:
+        return
+    assert found <= everything
+    assert found == everything or reader.damage.unread or reader.damage.is_torn
+
+
+def test_a_chunk_that_cannot_be_read_is_told_with_what_is_lost(long_run: Path, tmp_path: Path) -> None:
+    whole = bytearray(long_run.read_bytes())
+    second = [each for each in records(long_run) if isinstance(each, Chunk)][1]
+    at = bytes(whole).index(second.data) + len(second.data) // 2
+    whole[at] ^= 0xFF
+    (tmp_path / "damaged.mcap").write_bytes(whole)
+
+    found = recover(tmp_path / "damaged.mcap", tmp_path / "recovered.mcap")
+    total = len(messages(long_run))
+    assert found.damage.lost == total - found.messages > 0
+    assert "the chunk at byte" in found.damage.unread[0]
+    assert len(messages(tmp_path / "recovered.mcap")) == found.messages
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{}", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + bytes(200), b"\x89MCAP0\r\n" + b"\xff" * 200]
+)
+def test_what_is_no_journal_is_said_to_be_none(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "no.mcap").write_bytes(content)
+
+    with pytest.raises(JournalError, match=r"no\.mcap is (no file of MCAP|a file of MCAP, but no journal)"):
+        recover(tmp_path / "no.mcap", tmp_path / "recovered.mcap")
+    assert [path.name for path in tmp_path.iterdir()] == ["no.mcap"]
+
+
+def test_an_event_that_is_larger_than_a_chunk_is_kept_at_once(tmp_path: Path) -> None:
+    model = forest([given("word", type=text()), given("near")])
+    journal = Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](model, clock=SimClock(), resources={"world": World()}, record=journal) as manager:
+        manager.set("near", True)
+        for _ in range(3):
+            journal.add(Event(0.0, Kind.VARIABLE, "word", "identified", {"value": "ü" * CHUNK_BYTES}))
+            recover(journal.path, tmp_path / "recovered.mcap")
+            assert len(messages(tmp_path / "recovered.mcap")[-1][1]["value"]) == CHUNK_BYTES
+        manager.set("near", False)
+        recover(journal.path, tmp_path / "recovered.mcap")
+        assert messages(tmp_path / "recovered.mcap")[-1][1]["value"] is False
+
+
+def test_a_finished_journal_holds_nothing_in_the_region_of_the_open_chunk(long_run: Path) -> None:
+    whole = long_run.read_bytes()
+    at = whole.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little")) + 9
+
+    assert whole[at : at + CHUNK_BYTES] == bytes(CHUNK_BYTES)
+
+
+# The writer's life
+
+
+def start(record: Record) -> ContextManager[str, str]:
+    return ContextManager(MODEL, clock=SimClock(), resources={"door": Door()}, record=record)
+
+
+def test_a_journal_is_of_one_run(tmp_path: Path) -> None:
+    journal = Journal(tmp_path / "run.mcap")
+    with start(journal), pytest.raises(ValueError, match="is the journal of another run"):
+        start(journal)
+    with pytest.raises(ValueError, match="is the journal of another run"):
+        start(journal)
+
+
+def test_a_journal_whose_writer_was_killed_is_moved_aside_and_a_finished_one_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_door(path)
+    run_door(path)
+    assert [each.name for each in tmp_path.iterdir()] == ["run.mcap"]
+    for _ in range(2):
+        path.write_bytes(path.read_bytes()[:-1])
+        run_door(path)
+    assert sorted(each.name for each in tmp_path.iterdir()) == [
+        "run.mcap",
+        "run.unfinished-1.mcap",
+        "run.unfinished-2.mcap",
+    ]
+
+
+def test_a_journal_that_cannot_be_made_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Journal(tmp_path / "missing/run.mcap")
+
+
+ENDS_WITHOUT_CLOSE = """
+import sys
+from codra_dsl.runtime import ContextManager, Journal, SimClock
+from tests.runtime.door import MODEL, Door
+manager = ContextManager(MODEL, clock=SimClock(), resources={"door": Door()}, record=Journal(sys.argv[1]))
+manager.set("localized", True)
+"""
+
+FORKS = """
+import os, sys
+from codra_dsl.runtime import ContextManager, Journal, SimClock
+from tests.runtime.door import MODEL, Door
+manager = ContextManager(MODEL, clock=SimClock(), resources={"door": Door()}, record=Journal(sys.argv[1]))
+manager.set("localized", True)
+if child := os.fork():
+    assert os.waitpid(child, 0)[1] == 0
+    manager.set("localized", False)
+"""
+
+FULL_DISK = """
+import resource, sys
+from codra_dsl.runtime import ContextManager, Journal, SimClock
+from tests.runtime.door import MODEL, Door
+resource.setrlimit(resource.RLIMIT_FSIZE, (90_000, 90_000))
+journal, clock = Journal(sys.argv[1]), SimClock()
+with ContextManager(MODEL, clock=clock, resources={"door": Door(angle_rad=1.0)}, record=journal) as manager:
+    manager.set("localized", True)
+    manager.declare("open")
+    clock.sleep(3000.0)
+    assert manager.get("open").value is True
+print(journal.failure, len(journal))
+"""
+
+OFF = """
+import sys
+from codra_dsl.runtime import ContextManager, SimClock
+from tests.runtime.door import MODEL, Door
+with ContextManager(MODEL, clock=SimClock(), resources={"door": Door()}) as manager:
+    manager.declare("localized", True)
+print("mcap" in sys.modules, [event.kind for event in manager.record if event.kind == "input"])
+"""
+
+
+def run(program: str, path: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-W", "error", "-c", program, str(path)]
+    return subprocess.run(
+        command, env={"PYTHONPATH": str(ROOT)}, check=False, text=True, capture_output=True, timeout=100
+    )
+
+
+def test_a_program_that_ends_without_closing_finishes_its_journal(tmp_path: Path) -> None:
+    done = run(ENDS_WITHOUT_CLOSE, tmp_path / "run.mcap")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [topic for topic, *_ in messages(tmp_path / "run.mcap")] == [
+        "/codra/run",
+        "/codra/input",
+        "/codra/context/localized",
+    ]
+
+
+def test_a_child_of_the_program_does_not_finish_the_journal(tmp_path: Path) -> None:
+    done = run(FORKS, tmp_path / "run.mcap")
+
+    assert (done.returncode, done.stderr) == (0, "")
+    contents = [
+        content for topic, content, *_ in messages(tmp_path / "run.mcap") if topic == "/codra/context/localized"
+    ]
+    assert [content["value"] for content in contents] == [True, False]
+
+
+def test_numbers_of_numpy_are_written_as_the_numbers_that_they_are(tmp_path: Path) -> None:
+    journal, clock = Journal(tmp_path / "run.mcap"), SimClock(10.0)
+    with ContextManager[str, str](
+        forest([given("size", type=real())]), clock=clock, resources={"world": World()}, record=journal
+    ) as manager:
+        manager.set("size", np.float32(0.5), evidence_s=np.float32(8.5))
+        manager.decide("size", lambda: np.int64(3), max_age_s=np.float32(0.5), since_s=np.int32(9))
+
+    assert journal.failure is None
+    found = [content for topic, content, *_ in messages(journal.path) if topic == "/codra/input"]
+    assert found[0]["evidence_s"] == [8.5]
+    assert (found[1]["max_age_s"], found[1]["since_s"], found[2]["value"]) == (0.5, 9.0, "3.0")
+
+
+def test_a_full_disk_costs_the_journal_and_not_the_run(tmp_path: Path) -> None:
+    done = run(FULL_DISK, tmp_path / "run.mcap")
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("OSError: [Errno 27] File too large ")
+    assert done.stderr.count("ends here: OSError") == 1
+    assert "Traceback" not in done.stderr
+    found = recover(tmp_path / "run.mcap", tmp_path / "recovered.mcap")
+    assert len(messages(tmp_path / "recovered.mcap")) == found.messages > 100
+
+
+def test_without_a_journal_there_are_no_inputs_and_nothing_of_mcap_is_imported(tmp_path: Path) -> None:
+    assert run(OFF, tmp_path).stdout == "False []\n"

@@ -1,0 +1,105 @@
+"""Steps: within one, time stands still, and what happens in it has one instant."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from codra_dsl.logic import value
+from codra_dsl.runtime import SimClock, WallClock
+from codra_dsl.runtime.clock import PUNCTUAL_S, LockedClock
+from tests.runtime.forests import World, forest, given, observer, seen, started, variable
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def wall() -> Iterator[WallClock]:
+    with WallClock() as clock:
+        yield clock
+
+
+def test_time_stands_still_within_a_step_and_goes_on_for_others(wall: WallClock) -> None:
+    clock = LockedClock(wall, threading.RLock())
+    seen_by_others: list[float] = []
+    with clock:
+        first = clock.now_s()
+        thread = threading.Thread(target=lambda: seen_by_others.append(clock.now_s()))
+        wall.sleep(0.01)
+        thread.start()
+        thread.join(PATIENCE_S)
+        with clock:
+            assert clock.now_s() == first
+        assert clock.now_s() == first
+    assert seen_by_others[0] > first
+    assert clock.now_s() > first
+
+
+def test_a_step_never_comes_before_the_one_before_it(wall: WallClock) -> None:
+    clock, instants = LockedClock(wall, threading.RLock()), list[float]()
+
+    def note() -> None:
+        instants.append(clock.now_s())
+
+    def body() -> None:
+        for _ in range(200):
+            with clock:
+                note()
+                clock.call_at(clock.now_s() + 0.001, note)
+
+    threads = [threading.Thread(target=body) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert clock.wait_until(lambda: len(instants) == 1600, PATIENCE_S)
+    assert instants == sorted(instants)
+    assert clock.steps == 800
+
+
+def test_an_event_on_time_happens_at_its_time_and_a_late_one_when_it_happens(wall: WallClock) -> None:
+    clock, told = LockedClock(wall, threading.RLock()), list[tuple[str, float]]()
+    late: list[float] = []
+    clock.is_late = lambda: late.append(clock.now_s())
+    start_s = wall.now_s()
+    with clock:
+        clock.call_at(start_s + 0.2, lambda: told.append(("punctual", clock.now_s())))
+    assert clock.wait_until(lambda: len(told) == 1, PATIENCE_S)
+    held = threading.Event()
+    wall.call_at(wall.now_s(), lambda: held.wait(PATIENCE_S))  # nothing else happens meanwhile
+    with clock:
+        due_s = clock.now_s() + 0.01
+        clock.call_at(due_s, lambda: told.append(("late", clock.now_s())))
+    wall.sleep(0.1)
+    held.set()
+    assert clock.wait_until(lambda: len(told) == 2, PATIENCE_S)
+
+    assert told[1][1] > due_s + PUNCTUAL_S
+    assert late[-1] == told[1][1]
+    assert told[0][1] == start_s + 0.2 or late[0] == told[0][1]
+
+
+def test_events_of_one_instant_happen_in_the_order_in_which_they_were_scheduled() -> None:
+    sim = SimClock()
+    clock, told = LockedClock(sim, threading.RLock()), list[str]()
+    for name, instant_s in (("b", 2.0), ("past", -1.0), ("a", 1.0), ("b again", 2.0)):
+        clock.call_at(instant_s, lambda name=name: told.append(name))  # type: ignore[misc]
+    clock.call_at(1.5, lambda: told.append("never")).cancel()
+    sim.sleep(3.0)
+
+    assert (told, clock.steps) == (["past", "a", "b", "b again"], 5)
+
+
+def test_all_that_follows_from_one_call_has_its_instant(wall: WallClock) -> None:
+    model = forest([given("near"), variable("a")], observer("o", seen("eye", "a", when=[value("near")])))
+    with started(model, World({"eye": {"seen": True}}), wall) as manager:
+        manager.declare("near", True)
+        manager.declare("a", False)
+        instants: dict[str, set[float]] = {}
+        for event in tuple(manager.record)[:4]:
+            instants.setdefault(event.name, set()).add(event.instant_s)
+
+        assert {name: len(found) for name, found in instants.items()} == {"near": 1, "a": 1, "o": 1}
+        assert instants["a"] == instants["o"]
