@@ -37,14 +37,6 @@ class Interval:
         """Whether it holds no number."""
         return self.low > self.high or (self.is_point and (self.low_open or self.high_open))
 
-    def inner_point(self) -> Number:
-        """Return a number in it."""
-        if self.is_point:
-            return self.low
-        if isinstance(self.low, float):
-            return Fraction(0) if isinstance(self.high, float) else self.high - 1
-        return self.low + 1 if isinstance(self.high, float) else (self.low + self.high) / 2
-
 
 FULL = Interval(-math.inf, math.inf)
 """All numbers."""

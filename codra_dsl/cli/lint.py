@@ -53,16 +53,15 @@ def lint_command(
     from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
 
     measured = measuring(timings)
-    from_files = paths != [Path(STANDARD_INPUT)]
-    work = work_on_files(paths, measured) if from_files else work_on_standard_input(measured)
+    is_text = paths == [Path(STANDARD_INPUT)]
+    work = work_on_standard_input(measured) if is_text else work_on_files(paths, measured)
     text = None if work.data is None else work.data.decode("utf-8", errors="replace")
     view = View(root=work.root, format=asked_format(format_, output), colour=color, text=text, title="codra lint")
     if diff:
         raise typer.Exit(_show_diff(work, output))
     if fix:
         raise typer.Exit(_fix(work, view, fail_on, output))
-    without = no_cache or timings or not from_files
-    run = _run(work, None if without else cache_of(work.root, "lint", paths))
+    run = _run(work, None if no_cache or timings or is_text else cache_of(work.root, "lint", paths))
     limit = failing(fail_on, run.fail_on)
     with measured.stage("show"):
         replace(view, fail_on=limit).show(run.diagnostics, run.specs, output)

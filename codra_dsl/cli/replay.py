@@ -13,11 +13,11 @@ from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_re
 from codra_dsl.cli.journal import JournalFile
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime import Journal
+    from codra_dsl.runtime import ContextModel, Journal
     from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.head import Head
     from codra_dsl.runtime.outline import Outline, Rule
-    from codra_dsl.runtime.replay import Difference, Replayed
+    from codra_dsl.runtime.replay import Build, Difference, Replayed
 
 Package = Annotated[
     Path | None,
@@ -75,19 +75,30 @@ def _replayed(
         folder = _compiled(spec, Path(made)) if spec is not None else package or _default(head)
         try:
             module = load_package(folder)
+            model = module.MODEL
         except Exception as error:
             say(f"codra: '{folder}' is no package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
         _tell_versions(head, folder)
-        return _run(head, events, module, copy)
+        try:
+            return _run(head, events, model, _manager_class(module), copy)
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _run(head: Head, events: tuple[Event, ...], module: ModuleType, copy: Journal | None) -> Replayed:
+def _manager_class(module: ModuleType) -> Build:
+    """Return the class of a package's context manager."""
     from codra_dsl.runtime import ContextManager
-    from codra_dsl.runtime.replay import replay
 
     classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, ContextManager)]
-    found = replay(head, events, module.MODEL, classes[-1], copy)
+    return next((each for each in classes if each is not ContextManager), ContextManager)
+
+
+def _run(head: Head, events: tuple[Event, ...], model: ContextModel, build: Build, copy: Journal | None) -> Replayed:
+    from codra_dsl.runtime.replay import replay
+
+    found = replay(head, events, model, build, copy)
     if copy is not None and copy.failure is not None:
         say(f"codra: '{copy.path}' is not whole: {copy.failure}")
     return found

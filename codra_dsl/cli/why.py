@@ -50,7 +50,6 @@ def why_command(
     """Say why a variable was what it was: from its value to the evidence, or from unknown to what was missing."""
     from codra_dsl.cli.journals import read_journal
     from codra_dsl.runtime.journal.ledger import Ledger
-    from codra_dsl.runtime.term_text import TermTextError
     from codra_dsl.runtime.why import explain
 
     existing([journal])
@@ -63,7 +62,7 @@ def why_command(
     events = _before_close(events) if at is None else events
     try:
         found = explain(head.outline, lambda until_s: Ledger.of(events, until_s), variable, at_s)
-    except (TermTextError, KeyError, TypeError, ValueError) as error:
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
     write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))

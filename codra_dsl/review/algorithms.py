@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import starmap
 
+from codra_dsl.check import Types
 from codra_dsl.check.checked import CheckedAlgorithm
+from codra_dsl.check.possible import known
 from codra_dsl.diagnostics import Place
+from codra_dsl.expression import Node
 from codra_dsl.model import Access, Algorithm, Condition, Hysteresis, Identification, Kind, Literal, Members, ValueType
 from codra_dsl.review.changes import Category, Change
-from codra_dsl.review.guards import Domain, Domains, Relation, base_names, domain, equal, relation, same_choice
-from codra_dsl.review.terms import Form, Known, Types, condition_form, value_key
+from codra_dsl.review.guards import Relation, either, equal, relation, same_choice, same_value
 from codra_dsl.review.variables import described, lost_and_gained, same_measure
 from codra_dsl.review.version import Pair, Side, seconds
 
@@ -47,6 +51,7 @@ class _Comparison:
 
     def __init__(self, pair: Pair, old: CheckedAlgorithm, new: CheckedAlgorithm) -> None:
         self._pair = pair
+        self._sides = pair.old, pair.new
         self._old, self._new = old.algorithm, new.algorithm
         self._checked = old, new
 
@@ -146,50 +151,26 @@ class _Comparison:
 
     def observability(self) -> Iterator[Change]:
         """Yield what became of `observable_when` and `given` together."""
-        sides = (self._pair.old, self._pair.new)
-        types = [{name: each.type for name, each in side.variables.items()} for side in sides]
-        given = [[Known(reference.name) for reference in each.given] for each in (self._old, self._new)]
-        conditions = (self._old.observable_when, self._new.observable_when)
-        yield from self._guard("observable_when", conditions, types, given)
+        before, after = ({name: each.type for name, each in side.variables.items()} for side in self._sides)
+        guards = [[*_items(each.observable_when), *_given(each)] for each in (self._old, self._new)]
+        yield from self._guard("observable_when", guards, either(before, after))
 
     def _acceptance(self) -> Iterator[Change]:
-        types = [_returned(self._old), _returned(self._new)]
-        yield from self._guard("accept_when", (self._old.accept_when, self._new.accept_when), types, [[], []])
+        guards = [_items(each.accept_when) for each in (self._old, self._new)]
+        yield from self._guard("accept_when", guards, either(_returned(self._old), _returned(self._new)))
 
-    def _guard(
-        self,
-        key: str,
-        conditions: tuple[tuple[Condition, ...], tuple[Condition, ...]],
-        types: list[dict[str, ValueType]],
-        given: list[list[Known]],
-    ) -> Iterator[Change]:
-        forms: list[list[Form]] = [
-            [*(_form(condition, seen) for condition in each), *known]
-            for each, seen, known in zip(conditions, types, given, strict=True)
-        ]
-        if set(forms[0]) == set(forms[1]):
-            return
-        domains = _domains(*types)
-        judged = base_names(chain(*forms)) <= set(domains)
-        decided = relation(forms[0], forms[1], domains) if judged else Relation.OTHER
+    def _guard(self, key: str, guards: Sequence[Sequence[_Item]], types: Types) -> Iterator[Change]:
+        old, new = guards
+        decided = relation([each.tree for each in old], [each.tree for each in new], types)
         if decided is not Relation.SAME:
             category, message = _GUARDS[decided]
-            was, now = _only(forms, conditions, given)
-            yield self._change(
-                category, key, f"'{key}' {message}", was, now, places=self._places(key, conditions, forms)
+            strange = _strange(old, new, types), _strange(new, old, types)
+            was, now = (" and ".join(f"'{each.text}'" for each in side) or "no such condition" for side in strange)
+            before, after = (
+                next((each.place for each in side if each.place is not None), _at(algorithm, key))
+                for side, algorithm in zip(strange, (self._old, self._new), strict=True)
             )
-
-    def _places(
-        self, key: str, conditions: tuple[tuple[Condition, ...], ...], forms: list[list[Form]]
-    ) -> tuple[Place, Place]:
-        """Return the first condition on each side that the other lacks, else where the key stands."""
-        found = []
-        for algorithm, mine, own, others in zip(
-            (self._old, self._new), conditions, forms, reversed(forms), strict=True
-        ):
-            strange = [each.place for each, form in zip(mine, own, strict=False) if form not in others]
-            found.append(strange[0] if strange else _at(algorithm, key))
-        return found[0], found[1]
+            yield self._change(category, key, f"'{key}' {message}", was, now, places=(before, after))
 
     # What a result means
 
@@ -217,11 +198,11 @@ class _Comparison:
         variables = self._pair.old.variables[name], self._pair.new.variables[name]
         if variables[0].type.kind is not variables[1].type.kind:
             return True  # told as another type
-        types = _returned(self._old), _returned(self._new)
-        domains = _domains(*types)
-        if set(types[0]) & set(types[1]) - set(domains):
+        before, after = _returned(self._old), _returned(self._new)
+        types = either(before, after)
+        if any(types[name] is None for name in before.keys() & after.keys()):
             return _said(old) == _said(new)
-        return _same_meaning(old, new, types, domains, variables[0].type.kind)
+        return _same_meaning(old, new, types, variables[0].type.kind)
 
     # Time
 
@@ -280,29 +261,31 @@ def _given_otherwise(
     return Category.EASED, f"may return more as '{name}'" if eased else ""
 
 
-def _form(condition: Condition, types: Types) -> Form:
+@dataclass(frozen=True, slots=True)
+class _Item:
+    """One condition of a guard; those that `given` makes have no place of their own."""
+
+    tree: Node
+    text: str
+    place: Place | None
+
+
+def _items(conditions: Iterable[Condition]) -> list[_Item]:
+    return [_Item(_tree(each), each.text, each.place) for each in conditions]
+
+
+def _given(algorithm: Algorithm) -> list[_Item]:
+    return [_Item(known(each.name), f"known({each.name})", None) for each in algorithm.given]
+
+
+def _tree(condition: Condition) -> Node:
     assert condition.tree is not None  # of a checked spec
-    return condition_form(condition.tree, types)
+    return condition.tree
 
 
-def _domains(old: Types, new: Types) -> dict[str, Domain]:
-    """Return what each name can be; a name that is something else altogether in the other version is left out."""
-    either = {name: domain(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
-    return {name: found for name, found in either.items() if found is not None}
-
-
-def _only(
-    forms: list[list[Form]],
-    conditions: tuple[tuple[Condition, ...], ...],
-    given: list[list[Known]],
-) -> tuple[str, str]:
-    """Return the conditions that each side has and the other has not, as text."""
-    told = []
-    for mine, others, texts, known in zip(forms, reversed(forms), conditions, given, strict=True):
-        all_texts = [condition.text for condition in texts] + [f"known({each.name})" for each in known]
-        strange = [text for form, text in zip(mine, all_texts, strict=True) if form not in others]
-        told.append(" and ".join(f"'{text}'" for text in strange) or "no such condition")
-    return told[0], told[1]
+def _strange(guard: Sequence[_Item], other: Sequence[_Item], types: Types) -> list[_Item]:
+    """Return the conditions of a guard that another has not."""
+    return [each for each in guard if not any(equal(each.tree, theirs.tree, types) for theirs in other)]
 
 
 def _said(entry: Identification) -> str:
@@ -329,38 +312,21 @@ def _confirmation(before: tuple[int, int], after: tuple[int, int]) -> tuple[Cate
     return Category.GUARD_CHANGED, "is confirmed by another rule"
 
 
-def _same_meaning(
-    old: Identification, new: Identification, types: tuple[Types, Types], domains: Domains, kind: Kind
-) -> bool:
+def _same_meaning(old: Identification, new: Identification, types: Types, kind: Kind) -> bool:
     one, other = old.by, new.by
     if isinstance(one, Members) and isinstance(other, Members):
-        cases = (
-            [(member.name, _form(condition, seen)) for member, condition in by.cases]
-            for by, seen in ((one, types[0]), (other, types[1]))
-        )
-        return same_choice(next(cases), next(cases), domains)
+        before, after = ([(member.name, _tree(condition)) for member, condition in by.cases] for by in (one, other))
+        return same_choice(before, after, types)
     parts = _parts(one), _parts(other)
-    if None in chain.from_iterable(parts) or len(parts[0]) != len(parts[1]):
-        return False
-    return all(
-        _same_value(mine, theirs, types, domains, kind)
-        for mine, theirs in zip(*parts, strict=True)
-        if mine is not None and theirs is not None
-    )
+    same = equal if kind is Kind.BOOL else same_value
+    return len(parts[0]) == len(parts[1]) > 0 and all(starmap(partial(same, types=types), zip(*parts, strict=True)))
 
 
-def _parts(by: Condition | Members | Hysteresis) -> tuple[Condition | None, ...]:
-    if isinstance(by, Hysteresis):
-        return (by.enter,) if by.leave is None else (by.enter, by.leave)
-    return (None,) if isinstance(by, Members) else (by,)
-
-
-def _same_value(one: Condition, other: Condition, types: tuple[Types, Types], domains: Domains, kind: Kind) -> bool:
-    assert one.tree is not None
-    assert other.tree is not None
-    if kind is Kind.BOOL:
-        return equal(_form(one, types[0]), _form(other, types[1]), domains)
-    return value_key(one.tree, types[0]) == value_key(other.tree, types[1])
+def _parts(by: Condition | Members | Hysteresis) -> tuple[Node, ...]:
+    if isinstance(by, Members):
+        return ()
+    conditions = (by,) if isinstance(by, Condition) else (by.enter, by.leave)
+    return tuple(_tree(each) for each in conditions if each is not None)
 
 
 def _longest(names: Iterable[str], side: Side, otherwise: Side | None = None) -> float:

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator
 from codra_dsl.diagnostics import Place, suggest
 from codra_dsl.model import Expectation, Expected, Reference, Skill
 from codra_dsl.review.changes import Category, Change
-from codra_dsl.review.guards import Relation, domain, relation
-from codra_dsl.review.terms import condition_form
+from codra_dsl.review.guards import Relation, either, relation
 from codra_dsl.review.version import Pair, seconds
 
 
@@ -130,14 +129,10 @@ class _Comparison:
 
     def _relation_of_conditions(self, old: Expectation, new: Expectation) -> Relation:
         name = new.variable.name
-        types = [{name: side.variables[name].type} for side in (self._pair.old, self._pair.new)]
+        before, after = ({name: side.variables[name].type} for side in (self._pair.old, self._pair.new))
         if old.condition is None or new.condition is None or not (old.condition.tree and new.condition.tree):
             return Relation.SAME
-        found = domain(types[0][name], types[1][name])
-        if found is None:
-            return Relation.OTHER
-        forms = condition_form(old.condition.tree, types[0]), condition_form(new.condition.tree, types[1])
-        return relation([forms[0]], [forms[1]], {name: found})
+        return relation([old.condition.tree], [new.condition.tree], either(before, after))
 
 
 def _by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:

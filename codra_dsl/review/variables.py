@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
+from codra_dsl.check.intervals import in_base
 from codra_dsl.diagnostics import Place, suggest
 from codra_dsl.model import Kind, Refresh, ValueType, Variable, WhenUnobservable
 from codra_dsl.review.changes import Category, Change
-from codra_dsl.review.terms import si_factor
 from codra_dsl.review.version import Pair, Side, seconds
-from codra_dsl.units import parse_unit
+from codra_dsl.units import ONE, parse_unit
 
 _OBSERVER = "observer"
 _NUMERIC = (Kind.INT, Kind.FLOAT)
@@ -66,10 +66,8 @@ def described(declared: ValueType) -> str:
 def _extent(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
     if declared.range is None:
         return float("-inf"), float("inf")
-    factor = si_factor(declared.unit)
-    low, high = (
-        end if end in (float("inf"), float("-inf")) else Fraction(repr(end)) * factor for end in declared.range
-    )
+    unit = (None if declared.unit is None else parse_unit(declared.unit)) or ONE
+    low, high = (in_base(end, unit) for end in declared.range)
     return low, high
 
 

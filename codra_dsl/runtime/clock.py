@@ -19,6 +19,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from threading import get_ident
 from typing import TypeVar
 
 Outcome = TypeVar("Outcome")
@@ -355,7 +356,8 @@ class LockedClock(Clock):
     def __enter__(self) -> None:
         self._lock.acquire()
         if not self._depth:
-            self._begin(self._clock.now_s())
+            self._instant_s = max(self._instant_s, self._clock.now_s())
+            self._stepping = get_ident()
         self._depth += 1
 
     def __exit__(self, *_: object) -> None:
@@ -366,7 +368,7 @@ class LockedClock(Clock):
 
     def now_s(self) -> float:
         """Return the present instant; within a step that of its beginning."""
-        is_within = self._stepping is not None and self._stepping == threading.get_ident()
+        is_within = self._stepping is not None and self._stepping == get_ident()
         return self._instant_s if is_within else self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
@@ -399,17 +401,14 @@ class LockedClock(Clock):
 
         return self._clock.start(run, deliver_in_step)
 
-    def _begin(self, instant_s: float) -> None:
-        self._instant_s = max(self._instant_s, instant_s)
-        self._stepping = threading.get_ident()
-
     def _run_next(self) -> None:
         """Run the event that is first by now; it is on time unless much time has passed."""
         with self._lock:
             instant_s, _, timer = heapq.heappop(self._timers)
             now_s = self._clock.now_s()
             is_late = now_s > instant_s + PUNCTUAL_S
-            self._begin(now_s if is_late else instant_s)
+            self._instant_s = max(self._instant_s, now_s if is_late else instant_s)
+            self._stepping = get_ident()
             self._depth += 1
             try:
                 if is_late:

@@ -70,6 +70,10 @@ class ContextManager(Generic[VariableName, SkillName]):
     """M of P1: keeps C_M(t), controls the observers, and answers the main execution.
 
     Use it as a Python context manager, so that all observers stop in the end. `get` never waits for anybody.
+
+    Attributes:
+        record: what happened.
+        inputs: takes, one step each, what programs ask; for whoever replays a run.
     """
 
     def __init__(

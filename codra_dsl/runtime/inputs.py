@@ -136,7 +136,8 @@ class Inputs:
         """
         evidence_s = None if evidence_s is None else float(evidence_s)
         with self._clock:
-            self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
+            if self._scribe.takes_inputs:
+                self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
             if writer == MAIN and not self._may_write(name):
                 raise NotDeclaredError(

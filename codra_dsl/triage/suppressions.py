@@ -70,7 +70,7 @@ def read_sources(
         root: the project's folder.
         texts: of files that are not read from disk.
     """
-    given = texts or {}
+    given = {} if texts is None else texts
     found: dict[str, str] = {}
     for file in sorted(set(files)):
         path = root / file
@@ -123,6 +123,7 @@ class Suppressions:
         self._sources = sources
         self._all = [each for file, text in sources.texts.items() for each in _read(file, text)]
         self._at: dict[tuple[str, int, str], list[Suppression]] = {}
+        self._loud: dict[tuple[str, str], int] = {}
         for each in self._all:
             for code in each.codes if each.line is not None else ():
                 rule = known_rules().get(code.text)
@@ -137,6 +138,8 @@ class Suppressions:
             return ()
         uses = found.each_use or (found,)
         left = tuple(each for each in uses if each.place.use is None or not self._silenced(each.code, each.place.use))
+        for span in (span for each in left for span in (each.place.span, each.place.use) if span is not None):
+            self._loud.setdefault((span.file, found.code), span.line)
         return (found,) if len(left) == len(uses) else once_per_template(left)
 
     def _silenced(self, code: str, span: Span) -> bool:
@@ -173,7 +176,10 @@ class Suppressions:
             )
         elif complete and code.text not in each.used and self._sources.covers(each.file):
             message = f"'{code.text}' silences nothing: there is no such finding here"
-            yield _finding("unused-suppression", message, code.span, "remove it", _without(each, index))
+            line = self._loud.get((each.file, code.text))
+            way_out = "remove it" if line is None else f"move it to line {line}, where there is one, or remove it"
+            fix = _without(each, index) if line is None else None  # to remove what is misplaced would lose the reason
+            yield _finding("unused-suppression", message, code.span, way_out, fix)
 
 
 def _finding(rule: str, message: str, span: Span, way_out: str, fix: Fix | None = None) -> Diagnostic:

@@ -112,6 +112,16 @@ def possible(condition: str, *unknown: str) -> bool:
         ("b1 if known(x) else b2", ("x", "b2"), False),
         ("false", (), False),
         ("x > 3 m and x < 2 m", (), False),
+        ("n - r > 5 and n - r < 3", (), False),
+        ("n - r > 5 and r < n - 7", (), True),
+        ("n - r > 5 and r > n - 5", (), False),
+        ("2 * x - y < 1 m and y < 2 * (x - 1 m)", (), False),
+        ("n * r > 5 and r * n < 3", (), False),
+        ("n / r > 5 and n / r < 3", (), False),
+        ("r * r > 5 and r * r < 3", (), False),
+        ("abs(n - r) < 2 and abs(r - n) > 3", (), False),
+        ("max(n, r) < 2 and max(r, n) > 3", (), False),
+        ("n - n > 0", (), False),
     ],
 )
 def test_what_can_hold_while_some_names_are_unknown(condition: str, unknown: tuple[str, ...], expected: bool) -> None:

@@ -42,6 +42,7 @@ def test_a_step_never_comes_before_the_one_before_it(wall: WallClock) -> None:
 
     def note() -> None:
         instants.append(clock.now_s())
+        clock.notify()
 
     def body() -> None:
         for _ in range(200):
@@ -63,15 +64,20 @@ def test_an_event_on_time_happens_at_its_time_and_a_late_one_when_it_happens(wal
     clock, told = LockedClock(wall, threading.RLock()), list[tuple[str, float]]()
     late: list[float] = []
     clock.is_late = lambda: late.append(clock.now_s())
+
+    def tell(name: str) -> None:
+        told.append((name, clock.now_s()))
+        clock.notify()
+
     start_s = wall.now_s()
     with clock:
-        clock.call_at(start_s + 0.2, lambda: told.append(("punctual", clock.now_s())))
+        clock.call_at(start_s + 0.2, lambda: tell("punctual"))
     assert clock.wait_until(lambda: len(told) == 1, PATIENCE_S)
     held = threading.Event()
     wall.call_at(wall.now_s(), lambda: held.wait(PATIENCE_S))  # nothing else happens meanwhile
     with clock:
         due_s = clock.now_s() + 0.01
-        clock.call_at(due_s, lambda: told.append(("late", clock.now_s())))
+        clock.call_at(due_s, lambda: tell("late"))
     wall.sleep(0.1)
     held.set()
     assert clock.wait_until(lambda: len(told) == 2, PATIENCE_S)

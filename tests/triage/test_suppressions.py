@@ -83,6 +83,15 @@ def test_a_comment_that_silences_nothing_is_told_and_can_be_removed(tmp_path: Pa
     assert found.fix.applicability is Applicability.SAFE
 
 
+def test_a_comment_beside_the_finding_that_it_is_meant_for_is_not_taken_away(tmp_path: Path) -> None:
+    text = KITCHEN.replace("preview: [pot_full]", "preview: [pot_full]  " + COMMENT)
+
+    _, found = lint(text, tmp_path)
+
+    assert (found.code, found.fix) == ("CDR7901", None)
+    assert found.help == "move it to line 5, where there is one, or remove it"
+
+
 def test_of_several_codes_each_is_told_that_silences_nothing(tmp_path: Path) -> None:
     (found,) = lint(with_comment("# codra: ignore[CDR7102, CDR8101] two"), tmp_path)
 
@@ -102,6 +111,7 @@ def test_while_there_is_an_error_no_comment_is_called_unused(tmp_path: Path) -> 
     ("comment", "code", "way_out"),
     [
         ("# codra: ignore[CDR7192] typo", "CDR7903", "did you mean 'CDR7102'?"),
+        ("# codra: ignore[cdr7102] small letters", "CDR7903", "did you mean 'CDR7102'?"),
         ("# codra: ignore[unreached-variable] name", "CDR7903", "did you mean 'CDR7102'?"),
         ("# codra: ignore[CDR3101] error", "CDR7904", "remove it; correct the spec"),
         ("# codra: ignore[CDR7901] itself", "CDR7904", "remove it; correct the spec"),

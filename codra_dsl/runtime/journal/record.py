@@ -82,7 +82,11 @@ class Record:
 
 
 class Scribe:
-    """Adds what happens to a record, at the instant that a clock shows."""
+    """Adds what happens to a record, at the instant that a clock shows.
+
+    Attributes:
+        takes_inputs: whether the record wants to be told events of `Kind.INPUT`.
+    """
 
     def __init__(self, record: Record, clock: Clock, steps: Callable[[], int] = lambda: 0) -> None:
         """Write into a record.
@@ -92,6 +96,7 @@ class Scribe:
             clock: tells when they happen.
             steps: tells how many timed events of the context manager have happened, as the place of an input.
         """
+        self.takes_inputs = record.takes_inputs
         self._record = record
         self._clock = clock
         self._steps = steps
@@ -102,5 +107,5 @@ class Scribe:
 
     def tell_input(self, name: str, what: str, /, **details: object) -> None:
         """Add that something reached the context manager from outside, if the record wants to know."""
-        if self._record.takes_inputs:
+        if self.takes_inputs:
             self.tell(Kind.INPUT, name, what, step=self._steps(), **details)
