@@ -32,7 +32,7 @@ demo: $(READY)
 
 test: lint
 	$(BIN)/codra compile specs --check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 lint: $(READY)
 	$(BIN)/ruff check
