@@ -45,7 +45,8 @@ class FramesOfWorkers:
         self.frames += getattr(node, "workeroutput", {}).get(_FRAMES, 0)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        terminalreporter.write_sep("-", f"{self.frames + _frames_rendered()} frames of the lab rendered")
+        if frames := self.frames + _frames_rendered():
+            terminalreporter.write_sep("-", f"{frames} frames of the lab rendered")
 
 
 def pytest_configure(config: pytest.Config) -> None:
