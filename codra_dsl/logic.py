@@ -182,11 +182,6 @@ def first_of(*cases: tuple[Value, Operand]) -> Term:
     return _FirstOf(tuple((result, _term(condition)) for result, condition in cases))
 
 
-def between(enter: Operand, leave: Operand) -> Term:
-    """Return true where `enter` holds, else false where `leave` holds, else unknown."""
-    return _Between(_term(enter), _term(leave))
-
-
 def reads_ages(term: Term) -> bool:
     """Return whether the value of a term may change although no variable does."""
     return any(isinstance(part, _Age) for part in term.walk())
@@ -477,20 +472,3 @@ class _FirstOf(Term):
     def __repr__(self) -> str:
         cases = (f"({_constant(result)}, {condition!r})" for result, condition in self.cases)
         return f"first_of({', '.join(cases)})"
-
-
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class _Between(Term):
-    enter: Term
-    leave: Term
-
-    def parts(self) -> tuple[Term, ...]:
-        return (self.enter, self.leave)
-
-    def evaluate(self, scope: Scope) -> Value | None:
-        if self.enter.evaluate(scope) is True:
-            return True
-        return False if self.leave.evaluate(scope) is True else None
-
-    def __repr__(self) -> str:
-        return f"between({self.enter!r}, {self.leave!r})"

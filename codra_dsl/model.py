@@ -17,6 +17,8 @@ from codra_dsl.diagnostics import Place
 from codra_dsl.expression import Node
 
 FOREVER_S = math.inf
+DEFAULT_PERIOD_S = 1.0
+"""Of an observer that `observers` does not set up (P1, section 3.3: "a tick-rate of 1 s")."""
 
 PlaceOf = Callable[[int, int], Place]
 """Gives the place of a range of one file's text, in code points from its beginning."""
@@ -232,6 +234,12 @@ class Identification:
     by: Condition | Members | Hysteresis
 
 
+def needed_of(entry: Identification) -> int:
+    """Return how many results must agree before an identification gives its variable a value."""
+    confirm = entry.by.confirm if isinstance(entry.by, Hysteresis) else None
+    return 1 if confirm is None else confirm[0]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Usage:
     """A resource and how it is used."""
@@ -324,7 +332,7 @@ class ObserverSetting:
     name: str
     place: Place
     identifies: tuple[Reference, ...]
-    period_s: float = 1.0
+    period_s: float = DEFAULT_PERIOD_S
     priority: int = 0
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 

@@ -158,6 +158,7 @@ CONDITIONS = st.recursive(
         st.builds("~({})".format, inner),
         st.builds("choose({}, {}, literal(False))".format, inner, inner),
         st.builds("between({}, {})".format, inner, inner),
+        st.builds("confirmed({}, 2, 3)".format, inner),
     ),
     max_leaves=8,
 )

@@ -16,7 +16,6 @@ from codra_dsl.logic import (
     Term,
     Value,
     age,
-    between,
     choose,
     first_of,
     known,
@@ -26,6 +25,7 @@ from codra_dsl.logic import (
     reads_ages,
     value,
 )
+from codra_dsl.runtime.conditions import between, confirmed
 
 
 @dataclass
@@ -123,6 +123,7 @@ def test_a_negated_condition_over_an_unknown_variable_does_not_hold() -> None:
         choose(1, X, 2),
         first_of(("a", X)),
         between(X, X),
+        confirmed(X, 2, 3),
         ~X,
     ],
     ids=repr,

@@ -6,7 +6,7 @@ Only `codra_dsl.check` makes a `CheckedSpec`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from codra_dsl.diagnostics import Place
 from codra_dsl.model import Algorithm, Spec, Variable
@@ -58,6 +58,21 @@ class CheckedAlgorithm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedExpectation:
+    """What a skill expects of a monitored variable, lowered.
+
+    Attributes:
+        text: as people read it, e.g. `door_open becomes true within 20 s`.
+        python: the condition that is to become true, or to stay so.
+        within_s: how long it may take to become true; None if it is to stay so.
+    """
+
+    text: str
+    python: str
+    within_s: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedSpec:
     """A spec that can be planned.
 
@@ -67,6 +82,7 @@ class CheckedSpec:
         producers: for each variable that has algorithms: their names by `rank`, then name.
         decisions: the variables that Algorithm 2 starts from (its line 3), in order: what skills preview and monitor,
             or every variable that has an algorithm where no skill is declared.
+        expectations: by skill, what it expects of what it monitors.
     """
 
     spec: Spec
@@ -74,3 +90,4 @@ class CheckedSpec:
     algorithms: Mapping[str, CheckedAlgorithm]
     producers: Mapping[str, tuple[str, ...]]
     decisions: tuple[str, ...]
+    expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)

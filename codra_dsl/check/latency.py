@@ -2,15 +2,17 @@
 
 The main execution declares one variable; nothing runs and nothing is known that observers identify. What is bounded is
 the time until the variable is known, provided that conditions hold as soon as what they wait for is known and go on to
-hold, that every look brings an accepted result within its `timeout`, and that nobody else takes slots: neither the main
-execution, nor another decision, nor a look at what is known already. `docs/reference/graph.md` explains it to users.
+hold, that every look brings an accepted result within its `timeout`, and all the same one, and that nobody else takes
+slots: neither the main execution, nor another decision, nor a look at what is known already. `docs/reference/graph.md`
+explains it to users.
 
 Observers that start are due at once, and what becomes known wakes its readers within the same instant, so that periods
 add nothing. All time is spent in looks and in waiting for one. Follow the looks that held a variable up, back from
 itself: a path. While a look on it waits, either a rival (an algorithm that shares a variable) is at work, or all slots
-of a resource are taken, by looks that are not on the path. Each algorithm looks once. So the bound is, over all paths,
-the largest sum of the timeouts on the path and of what the others can hold it up (R. L. Graham's bound for list
-scheduling), which holds for every order of priorities and for looks that take any shorter time.
+of a resource are taken, by looks that are not on the path. Each algorithm looks once, or as often as `confirm` needs,
+which counts as one look with its pauses. So the bound is, over all paths, the largest sum of the timeouts on the path
+and of what the others can hold it up (R. L. Graham's bound for list scheduling), which holds for every order of
+priorities and for looks that take any shorter time.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from codra_dsl import graph
 from codra_dsl.check.checked import CheckedSpec
 from codra_dsl.check.cycles import feedback
 from codra_dsl.check.scope import Scope
-from codra_dsl.model import Access, Algorithm, Spec
+from codra_dsl.model import DEFAULT_PERIOD_S, Access, Algorithm, Spec, needed_of
 
 MAX_STEPS = 100_000
 """Looks visited where slots are contended; beyond, the bound is the sum of all timeouts, which is never too small."""
@@ -38,7 +40,7 @@ _DIGITS = 9
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
     """Return the seconds from declared to known, at worst, for each variable that an algorithm identifies."""
     looks = {
-        name: _look(each.algorithm, (variable for variable, _ in each.identifies), each.waits_for, each.needs)
+        name: _look(checked.spec, each.algorithm, each.waits_for, each.needs)
         for name, each in checked.algorithms.items()
     }
     return _WorstCases(looks, checked.spec, checked.producers).of_variables()
@@ -51,17 +53,19 @@ def worst_cases_in(scope: Scope) -> Mapping[str, float]:
     for name, each in scope.algorithms.items():
         needs = scope.needs[name]
         waits_for = (need for need in needs if need not in fed_back.get(name, ()))
-        looks[name] = _look(each, (entry.variable.name for entry in each.identifies), waits_for, needs)
+        looks[name] = _look(scope.spec, each, waits_for, needs)
     return _WorstCases(looks, scope.spec, scope.producers).of_variables()
 
 
 @dataclass(frozen=True, slots=True)
 class _Look:
-    """One run of an algorithm.
+    """One run of an algorithm, or as many as it needs to confirm what it sees.
 
     Attributes:
         waits_for: what must be known before it can run.
         needs: what it reads, so that the observers of these run as well.
+        timeout_s: what it takes at most, with the pauses between runs where it needs several.
+        needed: how many runs.
     """
 
     identifies: tuple[str, ...]
@@ -69,16 +73,25 @@ class _Look:
     needs: tuple[str, ...]
     timeout_s: float
     slots: tuple[str, ...]
+    needed: int
 
 
-def _look(algorithm: Algorithm, identifies: Iterable[str], waits_for: Iterable[str], needs: Iterable[str]) -> _Look:
+def _look(spec: Spec, algorithm: Algorithm, waits_for: Iterable[str], needs: Iterable[str]) -> _Look:
+    identifies = tuple(dict.fromkeys(entry.variable.name for entry in algorithm.identifies))
+    needed = max((needed_of(entry) for entry in algorithm.identifies), default=1)
+    timeout_s = algorithm.timeout_s
+    if needed > 1:
+        periods = [each.period_s for each in spec.observers if {one.name for one in each.identifies} & {*identifies}]
+        pause_s = max(algorithm.min_interval_s, timeout_s, *(periods or [DEFAULT_PERIOD_S]))
+        timeout_s += (needed - 1) * pause_s
     slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
     return _Look(
-        identifies=tuple(dict.fromkeys(identifies)),
+        identifies=identifies,
         waits_for=tuple(dict.fromkeys(waits_for)),
         needs=tuple(dict.fromkeys(needs)),
-        timeout_s=algorithm.timeout_s,
+        timeout_s=timeout_s,
         slots=tuple(dict.fromkeys(slots)),
+        needed=needed,
     )
 
 
@@ -193,7 +206,7 @@ class _WorstCases:
         rivals = [
             self._looks[name].timeout_s
             for name in self._rivals[last]
-            if name != last and variable in self._looks[name].identifies
+            if name != last and variable in self._looks[name].identifies and self._looks[name].needed == 1
         ]
         crowds_of_last = (crowd for crowd in (crowds if rivals else ()) if last in crowd.members)
         return sum(sum(rivals) / crowd.capacity for crowd in crowds_of_last)

@@ -130,6 +130,10 @@ def _compare(typed: Typed, _: Unit) -> Lowered:
 
 
 def _link(operator: str, left: Typed, right: Typed) -> Lowered:
+    if isinstance(right.node, Truth) and not isinstance(left.node, Truth) and operator in ("==", "!="):
+        said = _lower(left, ONE)  # `x == true` says what `x` says, known or not, and Python's linters want it so
+        is_plain = right.node.value == (operator == "==")
+        return said if is_plain else Lowered(f"~{said.term().at(Power.ATOM)}", Power.UNARY)
     return _binary(operator, left, right, _common_unit(left, right), (Power.SUM, Power.SUM, Power.COMPARE))
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
-from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedSpec
+from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
 from codra_dsl.check.conditions import parts_of
 from codra_dsl.check.cycles import GRAPH, feedback
 from codra_dsl.check.effects import EFFECTS
@@ -22,7 +22,7 @@ from codra_dsl.check.sources import SOURCES
 from codra_dsl.check.types import Type
 from codra_dsl.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.expression import Name
-from codra_dsl.model import Algorithm, Condition, Identification, Members, Spec
+from codra_dsl.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
 
@@ -81,7 +81,26 @@ def _checked(scope: Scope) -> CheckedSpec:
         algorithms=algorithms,
         producers=scope.producers,
         decisions=scope.decisions,
+        expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
     )
+
+
+def _checked_expectations(scope: Scope, skill: Skill) -> tuple[CheckedExpectation, ...]:
+    return tuple(
+        CheckedExpectation(
+            text=_said(each, each.condition), python=scope.python(each.condition, None), within_s=each.within_s
+        )
+        for each in skill.monitor
+        if each.condition is not None
+    )
+
+
+def _said(expectation: Expectation, condition: Condition) -> str:
+    """Return an expectation as a spec says it."""
+    name = expectation.variable.name
+    value = condition.text.removeprefix(name).strip().removeprefix("==").strip()
+    within = "" if expectation.within_s is None else f" within {expectation.within_s:g} s"
+    return f"{name} {expectation.expected} {value}{within}"
 
 
 def _checked_algorithm(scope: Scope, algorithm: Algorithm, fed_back: Sequence[str]) -> CheckedAlgorithm:
@@ -126,5 +145,8 @@ def _checked_identification(scope: Scope, entry: Identification) -> CheckedCondi
     else:
         text = f"enter: {parts[0].text}; leave: {parts[1].text}"
         python = f"between({parts[0].python}, {parts[1].python})"
+    if isinstance(by, Hysteresis) and by.confirm is not None:
+        needed, among = by.confirm
+        text, python = f"{text}; confirm: {needed} of {among}", f"confirmed({python}, {needed}, {among})"
     variables = sorted({name for part in parts for name in part.variables})
     return CheckedCondition(text=text, python=python, variables=tuple(variables), place=by.place)

@@ -53,10 +53,6 @@ RULES = rules(
     ("CDR7113", "unused-template", _WARNING),
     ("CDR7114", "shadowed-name", _WARNING),
     ("CDR7115", "same-label", _WARNING),
-    ("CDR8101", "not-yet-confirmed", _WARNING),
-    ("CDR8102", "not-yet-between", _WARNING),
-    ("CDR8103", "not-yet-expected", _WARNING),
-    ("CDR8104", "not-yet-on-event", _WARNING),
     ("CDR8105", "not-yet-isolated", _WARNING),
 )
 """All rules by name."""

@@ -10,7 +10,9 @@ from dataclasses import replace
 from codra_dsl.emit.layout import Brackets, Chain, Expression, Grouped, bracketed, laid_out
 from codra_dsl.emit.literals import literal
 
-WORDS = frozenset({"age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value"})
+WORDS = frozenset(
+    {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
+)
 """The functions of `codra_dsl.runtime.conditions` that conditions are made of."""
 
 _CALLABLE = WORDS | {"abs"}

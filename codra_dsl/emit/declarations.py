@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.build_plan import Branch, Tree
+from codra_dsl.check.checked import CheckedExpectation
+from codra_dsl.emit.conditions import condition
 from codra_dsl.emit.imports import Imports
 from codra_dsl.emit.layout import Expression, call, dictionary, spread_call, tuple_of
 from codra_dsl.emit.literals import literal, text_literal
@@ -23,12 +25,14 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
     },
     "ObserverModel": {"period_s": "1.0", "priority": "0"},
     "ResourceModel": {"slots": "None"},
-    "SkillModel": {"preview": "()", "monitor": "()", "changes": "()"},
+    "SkillModel": {"preview": "()", "monitor": "()", "changes": "()", "expects": "()"},
+    "ExpectationModel": {"within_s": "math.inf"},
     "VariableModel": {
         "label": '""',
         "sources": '("observer",)',
         "valid_for_s": "math.inf",
         "when_unobservable": '"keep"',
+        "refresh": '"periodic"',
         "history": "100",
     },
 }
@@ -73,6 +77,7 @@ def variable(declared: Variable, imports: Imports) -> Expression:
         sources=_names([reference.name for reference in declared.sources] or ["observer"]),
         valid_for_s=literal(declared.valid_for_s),
         when_unobservable=text_literal(declared.when_unobservable),
+        refresh=text_literal(declared.refresh),
         history=literal(declared.history),
     )
     return call("VariableModel", **fields)
@@ -92,7 +97,7 @@ def observer(tree: Tree, imports: Imports) -> Expression:
     return call("ObserverModel", **fields)
 
 
-def skill(declared: Skill, imports: Imports) -> Expression:
+def skill(declared: Skill, expectations: Iterable[CheckedExpectation], imports: Imports) -> Expression:
     """Return the declaration of a skill."""
     fields = _told(
         "SkillModel",
@@ -101,6 +106,7 @@ def skill(declared: Skill, imports: Imports) -> Expression:
         preview=_names(reference.name for reference in declared.preview),
         monitor=_names(expectation.variable.name for expectation in declared.monitor),
         changes=_names(reference.name for reference in declared.changes),
+        expects=tuple_of(_expectation(each, imports) for each in expectations),
     )
     return call("SkillModel", **fields)
 
@@ -109,6 +115,14 @@ def resource(declared: Resource, imports: Imports) -> Expression:
     """Return the declaration of a resource."""
     slots = "None" if declared.slots is None else literal(declared.slots)
     return call("ResourceModel", **_told("ResourceModel", imports, name=literal(declared.name), slots=slots))
+
+
+def _expectation(expected: CheckedExpectation, imports: Imports) -> Expression:
+    expression, words = condition(expected.python)
+    imports.use(*words)
+    within_s = literal(math.inf if expected.within_s is None else expected.within_s)
+    fields = _told("ExpectationModel", imports, text=literal(expected.text), condition=expression, within_s=within_s)
+    return call("ExpectationModel", **fields)
 
 
 def _told(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:

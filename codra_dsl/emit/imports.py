@@ -19,7 +19,15 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "codra_dsl.runtime.conditions": WORDS,
     "codra_dsl.runtime.context": ["Answer"],
     "codra_dsl.runtime.model": [
-        *["Algorithm", "ContextModel", "ObserverModel", "ResourceModel", "SkillModel", "VariableModel"],
+        *[
+            "Algorithm",
+            "ContextModel",
+            "ExpectationModel",
+            "ObserverModel",
+            "ResourceModel",
+            "SkillModel",
+            "VariableModel",
+        ],
         *["boolean", "integer", "member", "real", "text"],
     ],
     "codra_dsl.runtime.observer": ["Observer"],

@@ -33,7 +33,7 @@ def _text(plan: BuildPlan, module: Module, trees: list[Tree], skills: list[Skill
         "trees": [tree_text(tree, imports) for tree in trees],
         "variables": _one_a_line(variable(each, imports) for each in variables),
         "observers": _one_a_line(observer(tree, imports) for tree in trees),
-        "skills": _one_a_line(skill(each, imports) for each in skills),
+        "skills": _one_a_line(skill(each, plan.checked.expectations.get(each.name, ()), imports) for each in skills),
     }
     return render("module.py.j2", title=_title(module), made_by=made_by(plan), imports=imports.lines(), **texts)
 

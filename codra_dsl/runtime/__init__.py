@@ -6,10 +6,12 @@ from codra_dsl.runtime.agents import Agent, NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, UnknownValueError
 from codra_dsl.runtime.clock import Clock, SimClock, WallClock
 from codra_dsl.runtime.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
+from codra_dsl.runtime.expectations import Outcome, Verdict, Verification
 from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.why import Why
 
 __all__ = [
@@ -25,13 +27,17 @@ __all__ = [
     "NotASourceError",
     "NotDeclaredError",
     "NotOfTypeError",
+    "Outcome",
     "Reading",
     "Reason",
     "Record",
     "SimClock",
     "Skill",
+    "Subscription",
     "UnknownNameError",
     "UnknownValueError",
+    "Verdict",
+    "Verification",
     "WallClock",
     "Why",
 ]

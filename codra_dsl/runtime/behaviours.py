@@ -116,8 +116,7 @@ class Identify(Behaviour):
         self._variable = variable
         self._term = term
         self._branch = branch
-        branch.identifies.append(variable)
-        branch.tells[variable] = term
+        branch.tell(variable, term)
 
     def update(self) -> Status:
         """Succeed in any case: a value that the result does not tell is rejected for this variable alone."""

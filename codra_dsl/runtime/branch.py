@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Protocol
 
 from codra_dsl.logic import Term, Value, known
+from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
-from codra_dsl.runtime.evidence import Present, held
+from codra_dsl.runtime.evidence import Present, first_loss, held, told_from_s
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
 from codra_dsl.runtime.perception import Attempt, Failure, Interval, Perception, Result, State
 from codra_dsl.runtime.setbacks import Setback
+from codra_dsl.runtime.steadiness import Between, Confirmed, Tally, Told
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.observer import Observer
 
 SHORTEST_PERIOD_S = 0.01
 """An algorithm that takes no time and may look again at once still lets time pass."""
+
+INSTANT_S = 1e-6
+"""So long after a skill has begun to act a look sees what it changes."""
 
 
 class Surroundings(Protocol):
@@ -36,6 +42,11 @@ class Surroundings(Protocol):
     @property
     def perception(self) -> Perception:
         """Return what runs jobs."""
+        ...
+
+    @property
+    def attention(self) -> Attention:
+        """Return what knows when to look on events."""
         ...
 
     @property
@@ -59,6 +70,7 @@ class Branch:
         self.observer = observer
         self.identifies: list[str] = []
         self.tells: dict[str, Term] = {}
+        self._tallies: dict[str, Tally] = {}
         self.accepts: list[tuple[str, Term]] = []
         self.conditions: list[tuple[str, Term]] = []
         self.rivals: tuple[Branch, ...] = (self,)
@@ -69,6 +81,7 @@ class Branch:
         self._index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
+        self.is_on_event = False
         self._untold: set[str] = set()
         self._noted: Attempt | None = None
         for name in algorithm.given:
@@ -85,12 +98,26 @@ class Branch:
         """Return the first precondition that does not hold, or None."""
         return next((name for name, term in self.conditions if not term.holds(context)), None)
 
+    def tell(self, variable: str, term: Term) -> None:
+        """Take what a result says of a variable."""
+        self.identifies.append(variable)
+        self.tells[variable] = term
+        if isinstance(term, Confirmed):
+            self._tallies[variable] = Tally(term.needed, term.among)
+
     def refresh(self) -> None:
-        """Look as soon as possible: the observer starts anew."""
+        """Look as soon as possible: the observer starts anew, and what it saw before confirms nothing."""
         self._is_fresh = True
+        for tally in self._tallies.values():
+            tally.clear()
 
     def next_start_s(self) -> float:
-        """Return when the next job is due."""
+        """Return when the next job is due; never, if all that it identifies is known and waits for an event."""
+        if self.is_on_event:
+            return self._next_on_event_s()
+        return self._next_in_period_s()
+
+    def _next_in_period_s(self) -> float:
         period_s = 0.0 if self._is_fresh else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
         return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
 
@@ -184,6 +211,11 @@ class Branch:
     def identify(self, variable: str, term: Term) -> bool:
         """Give a variable its value from the result (P1, Equation 6); return whether it has one."""
         found = term.evaluate(self.result) if self.result is not None else None
+        if found is None and self._leaves_as_is(term):
+            found = self.observer.surroundings.cells[variable].at(self._stamp_s()).content
+            if found is None:
+                self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
+                return False
         try:
             content = None if found is None else self.observer.surroundings.variables[variable].type.convert(found)
         except NotOfTypeError as error:
@@ -192,7 +224,13 @@ class Branch:
         if content is None:
             self._refuse((variable,), Reason.REJECTED, "the result does not tell")
             return False
-        return self.observer.write(variable, content, self.algorithm.name, self._interval.start_s, self._stamp_s())
+        start_s = self._interval.start_s
+        if variable in self._tallies:
+            first_s = self._confirmed_since_s(variable, content, self._tallies[variable])
+            if first_s is None:
+                return False
+            start_s = min(start_s, first_s)
+        return self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
 
     # Within
 
@@ -206,6 +244,14 @@ class Branch:
         for cell in self._cells():
             cell.pin(now_s)
         return {name: context.value(name) for name in self.algorithm.given}
+
+    def _next_on_event_s(self) -> float:
+        surroundings = self.observer.surroundings
+        cells = [surroundings.cells[variable] for variable in self.identifies]
+        if not any(surroundings.attention.is_due(cell.reading.at(self.observer.now_s)) for cell in cells):
+            return math.inf
+        # evidence from the very instant of an invalidation does not count
+        return max(self._next_in_period_s(), *(cell.invalidated_s + INSTANT_S for cell in cells))
 
     def _drop(self) -> Attempt | None:
         attempt, self._attempt = self._attempt, None
@@ -226,13 +272,57 @@ class Branch:
     def _stamp_s(self) -> float:
         return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
 
+    def _leaves_as_is(self, term: Term) -> bool:
+        """Return whether the result lies between enter and leave."""
+        inner = term.term if isinstance(term, Confirmed) else term
+        return self.result is not None and isinstance(inner, Between) and inner.leaves_as_is(self.result)
+
+    def _confirmed_since_s(self, variable: str, content: Value, tally: Tally) -> float | None:
+        """Count a result; return when the evidence for its value began to be taken, or None if too few agree.
+
+        An outlier changes nothing while the last results still confirm the value that the variable has.
+        """
+        told = Told(content, self._interval.start_s, self._stamp_s())
+        if not self.observer.surroundings.cells[variable].admits(told.start_s, told.stamp_s):
+            return told.start_s  # evidence from before an action confirms nothing; `write` says so
+        tally.take(told, lambda before: self._still_counts(variable, before, told))
+        start_s = tally.start_s(content)
+        if start_s is None:
+            detail = (
+                f"{tally.count(content)} of {tally.needed} needed among the last {tally.among} for {_said(content)}"
+            )
+            self._tell_refused((variable,), Reason.UNCONFIRMED, detail)
+            reading = self.observer.surroundings.cells[variable].reading.at(self.observer.now_s)
+            if not reading.known or tally.count(reading.content) < tally.needed:
+                setback = Setback(Reason.UNCONFIRMED, detail, told.stamp_s, self.algorithm.name)
+                self.observer.set_back(variable, setback)
+        return start_s
+
+    def _still_counts(self, variable: str, before: Told, now: Told) -> bool:
+        """Return whether an earlier result still says something of a variable: nothing has made it meaningless."""
+        surroundings = self.observer.surroundings
+        model, cells = surroundings.variables[variable], surroundings.cells
+        if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
+            return False
+        term = self.observer.observable(variable) if model.when_unobservable == "forget" else None
+        if term is None:
+            return True
+        return first_loss(term, cells, max(before.stamp_s, told_from_s(term, cells)), now.stamp_s) is None
+
     def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
-        """Note that a result brings some variables no value, and tell the record, whatever becomes of the variables."""
+        """Note that a result brings some variables no value, whatever becomes of the variables."""
+        self._tell_refused(variables, reason, detail)
+        self._set_back(variables, reason, detail, self._stamp_s())
+
+    def _tell_refused(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
         about = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
         self.observer.surroundings.scribe.tell(Kind.JOB, self.algorithm.name, "rejected", **about)
-        self._set_back(variables, reason, detail, self._stamp_s())
 
     def _set_back(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
         for variable in variables:
             self._untold.add(variable)
             self.observer.set_back(variable, Setback(reason, detail, since_s, self.algorithm.name))
+
+
+def _said(content: Value) -> str:
+    return str(content).lower() if isinstance(content, bool) else str(content)

@@ -7,7 +7,6 @@ from codra_dsl.logic import (
     Term,
     Value,
     age,
-    between,
     choose,
     first_of,
     known,
@@ -16,6 +15,7 @@ from codra_dsl.logic import (
     minimum,
     value,
 )
+from codra_dsl.runtime.steadiness import between, confirmed
 
 __all__ = [
     "Scope",
@@ -24,6 +24,7 @@ __all__ = [
     "age",
     "between",
     "choose",
+    "confirmed",
     "first_of",
     "known",
     "literal",

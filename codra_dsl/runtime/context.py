@@ -10,11 +10,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar, cast
 
-from codra_dsl.logic import Value
+from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.agents import Agent
+from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
+from codra_dsl.runtime.evidence import Present
+from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.inputs import MAIN, OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
@@ -23,8 +26,10 @@ from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, Variabl
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
 from codra_dsl.runtime.perception import CallError, Function, Perception, imported
+from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
+from codra_dsl.runtime.subscriptions import Subscription, Subscriptions
 from codra_dsl.runtime.why import Why, explain
 
 VariableName = TypeVar("VariableName", bound=str)
@@ -45,25 +50,12 @@ class _Surroundings:
     cells: Mapping[str, Cell]
     variables: Mapping[str, VariableModel]
     perception: Perception
+    attention: Attention
     scribe: Scribe
     clock: Clock
 
     def now_s(self) -> float:
         return self.clock.now_s()
-
-
-class Skill:
-    """A skill under way: what it previews and monitors is declared until it ends."""
-
-    def __init__(self, model: SkillModel, act: Callable[[str], None]) -> None:
-        self.model = model
-        self._act = act
-
-    @contextmanager
-    def acting(self) -> Iterator[None]:
-        """Act: from here what the skill changes is unknown, and only evidence that is newer counts."""
-        self._act(self.model.name)
-        yield
 
 
 class ContextManager(Generic[VariableName, SkillName]):
@@ -112,8 +104,10 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._perception = Perception(
             clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
         )
-        cells, variables = self._store.cells, self._store.variables
-        surroundings = _Surroundings(cells, variables, self._perception, self._scribe, self._clock)
+        self._subscriptions = Subscriptions(clock, self._lock)
+        self._expectations = Expectations(self._store, self._clock, self._scribe, self._subscriptions.judged)
+        cells, variables, attention = self._store.cells, self._store.variables, Attention()
+        surroundings = _Surroundings(cells, variables, self._perception, attention, self._scribe, self._clock)
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
         for observer in self._forest.observers.values():
             for branch in observer.branches:
@@ -124,6 +118,8 @@ class ContextManager(Generic[VariableName, SkillName]):
             store=self._store,
             forest=self._forest,
             slots=self._slots,
+            expectations=self._expectations,
+            attention=attention,
             skills=self._skills,
             explain=self._explained,
         )
@@ -184,9 +180,10 @@ class ContextManager(Generic[VariableName, SkillName]):
         model = self._skill(name)
         number = self.inputs.begin(name)
         try:
-            yield Skill(model, self.inputs.act)
+            yield self._skill_under_way(model, number)
         finally:
             self.inputs.finish(number)
+            self._subscriptions.finished(number)
 
     def modelled(self) -> tuple[str, ...]:
         """Return C_M, all variables of the spec (P1, Equation 3)."""
@@ -328,6 +325,41 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.inputs.conclude(decision, content)
         return found
 
+    def subscribe(
+        self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]
+    ) -> Subscription:
+        """Call back with what a variable, or each of several, is now, and with each change of it.
+
+        A change is another value, that the value is lost, or another reason; newer evidence for the same is none.
+        Subscribing declares nothing.
+
+        The callback runs without any lock, one call at a time, in the order of the changes: in real time in a thread of
+        its own, in simulated time as an event at the instant of the change, which must not wait. What it raises is
+        logged. If it is slow the oldest of 1,000 changes that wait is dropped, as `Subscription.dropped` counts.
+        """
+        wanted = dict.fromkeys([names] if isinstance(names, str) else names)
+        with self._clock:
+            return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
+
+    def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
+        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
+
+        Args:
+            condition: a variable, or a condition in the words of `codra_dsl.runtime.conditions`.
+            timeout_s: how long to wait at most. Waiting declares nothing.
+        """
+        term = condition if isinstance(condition, Term) else known(condition)
+        for name in sorted(term.variables()):
+            self._model(name)
+        end_s = self._clock.now_s() + timeout_s
+        while not self._holds(term):
+            left_s = end_s - self._clock.now_s()
+            if left_s <= 0:
+                return False
+            flips_s = term.flips_s(Present(self._store.cells, self._clock.now_s()))
+            self._clock.wait_until(lambda: self._holds(term), left_s if flips_s is None else min(flips_s, left_s))
+        return True
+
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:
         """Use slots of shared resources as the main execution: it goes before every observer.
@@ -360,6 +392,20 @@ class ContextManager(Generic[VariableName, SkillName]):
             self.inputs.release_slots(number)
 
     # Within
+
+    def _holds(self, term: Term) -> bool:
+        return term.holds(Present(self._store.cells, self._clock.now_s()))
+
+    def _skill_under_way(self, model: SkillModel, number: int) -> Skill:
+        return Skill(
+            model,
+            number,
+            inputs=self.inputs,
+            expectations=self._expectations,
+            clock=self._clock,
+            decide=lambda name, look: self.decide(cast("VariableName", name), look),
+            subscribe=lambda callback: self._subscriptions.subscribe_to_skill(number, callback),
+        )
 
     def _head(self, seed: int) -> Head:
         """Return what a journal says of this run."""
@@ -410,6 +456,8 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     def _changed(self, name: str) -> None:
         self._forest.changed(name)
+        self._expectations.changed(name)
+        self._subscriptions.changed(name, self._store.reading)
         self._clock.notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:

@@ -57,6 +57,7 @@ class Forest:
         )
         self._position = {name: position for position, name in enumerate(self._activation.order)}
         self._readers = self._find_readers()
+        self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
         self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
@@ -93,6 +94,12 @@ class Forest:
         """Say that a variable has another reading, now or in its history."""
         for observer in self._readers.get(variable, ()):
             self.touch(observer)
+
+    def look_again(self) -> None:
+        """Ask the running observers that look on events whether they are due now."""
+        for observer in self._on_event:
+            if observer.wanted:
+                self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
         """Let an observer be ticked in the next round, at this instant."""
@@ -156,6 +163,6 @@ class Forest:
     def _find_readers(self) -> dict[str, list[Observer]]:
         readers: dict[str, list[Observer]] = {}
         for name in self._activation.order:
-            for need in self._observers[name].needs():
+            for need in self._observers[name].watched():
                 readers.setdefault(need, []).append(self._observers[name])
         return readers

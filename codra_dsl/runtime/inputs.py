@@ -11,10 +11,12 @@ from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import NotASourceError
+from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
 from codra_dsl.runtime.declarations import Declarations
+from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import SkillModel, VariableModel
@@ -41,6 +43,8 @@ class Inputs:
         store: Store,
         forest: Forest,
         slots: Slots,
+        expectations: Expectations,
+        attention: Attention,
         skills: Mapping[str, SkillModel],
         explain: Callable[[Reading[Value]], Reading[Value]],
     ) -> None:
@@ -52,6 +56,8 @@ class Inputs:
             store: holds the variables.
             forest: starts and stops observers.
             slots: of shared resources.
+            expectations: judge what skills expect.
+            attention: knows what is worth another look.
             skills: by name.
             explain: adds to an unknown reading what keeps the variable from being observed now.
         """
@@ -60,11 +66,13 @@ class Inputs:
         self._store = store
         self._forest = forest
         self._slots = slots
+        self._expectations = expectations
+        self._attention = attention
         self._skills = skills
         self._explain = explain
         self.declarations = Declarations(self._enter, self._leave)
         self._expected: list[str] = []
-        self._begun: dict[int, str] = {}
+        self._begun: dict[int, SkillModel] = {}
         self._skills_begun = 0
         self._decisions_asked = 0
         self._tickets: dict[int, Ticket] = {}
@@ -97,24 +105,44 @@ class Inputs:
             self._tell("begin", skill=name)
             self._skills_begun += 1
             number = self._skills_begun
-            self._begun[number] = f"skill {name} {number}"
-            skill = self._skills[name]
-            self.declarations.hold(self._begun[number], (*skill.preview, *skill.monitor))
+            skill = self._begun[number] = self._skills[name]
+            self._attention.begin(skill.monitor)
+            self.declarations.hold(_holder(skill, number), (*skill.preview, *skill.monitor))
             self._hold_expected([other for other in self._expected if other != name])
+            self._forest.look_again()
             return number
 
-    def act(self, name: str) -> None:
-        """Make unknown what a skill changes."""
+    def act(self, number: int) -> None:
+        """Make unknown what a skill changes, and count from now on what it expects.
+
+        Raises:
+            RuntimeError: if the skill has ended.
+        """
         with self._clock:
-            self._tell("act", skill=name)
-            for variable in self._skills[name].changes:
-                self._store.invalidate(variable, name, MAIN)
+            skill = self._begun.get(number)
+            if skill is None:
+                raise RuntimeError("a skill that has ended cannot act: begin it anew")
+            self._tell("act", number=number)
+            for variable in skill.changes:
+                self._store.invalidate(variable, skill.name, MAIN)
+            self._expectations.act(number, skill)
+
+    def acted(self, number: int) -> None:
+        """End the acting of a skill."""
+        with self._clock:
+            self._tell("acted", number=number)
+            self._expectations.acted(number)
+            self._attention.acted(self._clock.now_s())
+            self._forest.look_again()
 
     def finish(self, number: int) -> None:
         """End a skill."""
         with self._clock:
             self._tell("finish", number=number)
-            self.declarations.hold(self._begun.pop(number), ())
+            skill = self._begun.pop(number)
+            self._expectations.finish(number)
+            self._attention.finish(skill.monitor)
+            self.declarations.hold(_holder(skill, number), ())
 
     def close(self) -> None:
         """Withdraw everything."""
@@ -266,6 +294,10 @@ class Inputs:
         why = {"reason": reading.reason, "detail": reading.detail}
         about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
         self._scribe.tell(Kind.DECISION, reading.name, what, **about, **details)
+
+
+def _holder(skill: SkillModel, number: int) -> str:
+    return f"skill {skill.name} {number}"
 
 
 def _stated(demand: Demand) -> dict[str, object]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from py_trees.behaviour import Behaviour
 
-from codra_dsl.logic import Value
+from codra_dsl.logic import Term, Value
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.observer import Observer
@@ -152,6 +152,7 @@ class VariableModel:
         sources: who may write: `observer`, `main_execution`, agents.
         valid_for_s: how long evidence stands.
         when_unobservable: what becomes of the last value when a precondition fails or a result is rejected.
+        refresh: whether it is looked at again and again, or when something has happened.
         history: how many readings `ContextManager.history` tells at most.
     """
 
@@ -161,6 +162,7 @@ class VariableModel:
     sources: tuple[str, ...] = ("observer",)
     valid_for_s: float = math.inf
     when_unobservable: Literal["keep", "forget"] = "keep"
+    refresh: Literal["periodic", "on_event"] = "periodic"
     history: int = 100
 
 
@@ -208,13 +210,44 @@ class ObserverModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectationModel:
+    """What a skill expects of a variable, counted from acting.
+
+    Attributes:
+        text: as the spec says it.
+        condition: over the one variable: it becomes true, or stays so.
+        within_s: how long it may take to become true; infinite if it is to stay true while the skill acts.
+    """
+
+    text: str
+    condition: Term
+    within_s: float = math.inf
+
+    @property
+    def variable(self) -> str:
+        """Return the variable of which something is expected."""
+        (name,) = self.condition.variables()
+        return name
+
+    @property
+    def is_to_become(self) -> bool:
+        """Return whether the condition is to become true, rather than to stay so."""
+        return self.within_s < math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SkillModel:
-    """A unit of main execution: what it decides on, watches and changes (P1, Figure 1)."""
+    """A unit of main execution: what it decides on, watches and changes (P1, Figure 1).
+
+    Attributes:
+        expects: what monitored variables are to become, or to stay.
+    """
 
     name: str
     preview: tuple[str, ...] = ()
     monitor: tuple[str, ...] = ()
     changes: tuple[str, ...] = ()
+    expects: tuple[ExpectationModel, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import reduce
 from operator import and_, or_
@@ -39,6 +40,9 @@ class Observer:
         self._branches_of = {
             name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
         }
+        self.on_event = tuple(name for name in model.identifies if surroundings.variables[name].refresh == "on_event")
+        for branch in self._branches:
+            branch.is_on_event = set(branch.identifies) <= set(self.on_event)
         self._aging = [term for term in self._terms() if reads_ages(term)]
         self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
 
@@ -61,6 +65,10 @@ class Observer:
     def needs(self) -> tuple[str, ...]:
         """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
+
+    def watched(self) -> tuple[str, ...]:
+        """Return the variables whose changes it has to know of: what it needs, and what it looks at on events."""
+        return tuple(sorted({*self.needs(), *self.on_event}))
 
     def observable(self, variable: str) -> Term | None:
         """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
@@ -171,7 +179,7 @@ class Observer:
         instants = [self.now_s + wait_s for wait_s in flips if wait_s is not None]
         idle = (branch for branch in self._branches if not any(rival.busy for rival in branch.rivals))
         instants.extend(branch.next_start_s() for branch in idle if self._may_run(branch))
-        return min((instant for instant in instants if instant > self.now_s), default=None)
+        return min((instant for instant in instants if self.now_s < instant < math.inf), default=None)
 
     # Within
 

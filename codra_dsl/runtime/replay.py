@@ -284,7 +284,9 @@ class _Player:
             case "begin":
                 inputs.begin(details["skill"])
             case "act":
-                inputs.act(details["skill"])
+                inputs.act(details["number"])
+            case "acted":
+                inputs.acted(details["number"])
             case "finish":
                 inputs.finish(details["number"])
             case "write":

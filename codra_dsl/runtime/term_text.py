@@ -12,7 +12,6 @@ from codra_dsl.logic import (
     Term,
     Value,
     age,
-    between,
     choose,
     first_of,
     known,
@@ -21,11 +20,13 @@ from codra_dsl.logic import (
     minimum,
     value,
 )
+from codra_dsl.runtime.steadiness import between, confirmed
 
 _WORDS: Mapping[str, Callable[..., Term]] = {
     "age": age,
     "between": between,
     "choose": choose,
+    "confirmed": confirmed,
     "first_of": first_of,
     "known": known,
     "literal": literal,
@@ -156,6 +157,8 @@ def _spoken(node: ast.expr) -> str:
             return ", ".join(f"{_spoken(case.elts[0])}: {_spoken(case.elts[1])}" for case in _tuples(cases))
         case ast.Call(func=ast.Name(id="between"), args=[enter, leave]):
             return f"enter: {_spoken(enter)}, leave: {_spoken(leave)}"
+        case ast.Call(func=ast.Name(id="confirmed"), args=[term, needed, among]):
+            return f"{_spoken(term)}, confirm: {_spoken(needed)} of {_spoken(among)}"
         case ast.Call(func=ast.Name(id=word), args=arguments):
             short = {"minimum": "min", "maximum": "max"}.get(word, word)
             return f"{short}({', '.join(map(_spoken, arguments))})"

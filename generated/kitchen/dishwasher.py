@@ -8,7 +8,16 @@ from py_trees.composites import Sequence
 
 from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
 from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import Algorithm, ObserverModel, SkillModel, VariableModel, boolean, integer, real
+from codra_dsl.runtime.model import (
+    Algorithm,
+    ExpectationModel,
+    ObserverModel,
+    SkillModel,
+    VariableModel,
+    boolean,
+    integer,
+    real,
+)
 from codra_dsl.runtime.observer import Observer
 
 MEASURE_DISHWASHER = Algorithm(
@@ -86,5 +95,12 @@ SKILLS: tuple[SkillModel, ...] = (
         preview=("dishwasher_open", "dishwasher_in_reach"),
         monitor=("dishwasher_open",),
         changes=("dishwasher_open", "dishwasher_angle"),
+        expects=(
+            ExpectationModel(
+                text="dishwasher_open becomes true within 20 s",
+                condition=value("dishwasher_open"),
+                within_s=20.0,
+            ),
+        ),
     ),
 )

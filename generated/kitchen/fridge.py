@@ -8,7 +8,16 @@ from py_trees.composites import Sequence
 
 from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
 from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import Algorithm, ObserverModel, SkillModel, VariableModel, boolean, integer, real
+from codra_dsl.runtime.model import (
+    Algorithm,
+    ExpectationModel,
+    ObserverModel,
+    SkillModel,
+    VariableModel,
+    boolean,
+    integer,
+    real,
+)
 from codra_dsl.runtime.observer import Observer
 
 MEASURE_FRIDGE = Algorithm(
@@ -82,5 +91,12 @@ SKILLS: tuple[SkillModel, ...] = (
         preview=("fridge_open", "fridge_in_reach"),
         monitor=("fridge_open",),
         changes=("fridge_open", "fridge_angle"),
+        expects=(
+            ExpectationModel(
+                text="fridge_open becomes true within 20 s",
+                condition=value("fridge_open"),
+                within_s=20.0,
+            ),
+        ),
     ),
 )

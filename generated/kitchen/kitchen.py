@@ -8,7 +8,16 @@ from py_trees.composites import Selector, Sequence
 
 from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
 from codra_dsl.runtime.conditions import age, first_of, known, maximum, value
-from codra_dsl.runtime.model import Algorithm, ObserverModel, SkillModel, VariableModel, boolean, member, real
+from codra_dsl.runtime.model import (
+    Algorithm,
+    ExpectationModel,
+    ObserverModel,
+    SkillModel,
+    VariableModel,
+    boolean,
+    member,
+    real,
+)
 from codra_dsl.runtime.observer import Observer
 
 FIND_KETTLE = Algorithm(
@@ -242,17 +251,33 @@ SKILLS: tuple[SkillModel, ...] = (
         preview=("kettle_water", "kettle_docked"),
         monitor=("kettle_state", "kettle_docked"),
         changes=("kettle_state",),
+        expects=(
+            ExpectationModel(
+                text='kettle_state becomes "boiling" within 300 s',
+                condition=value("kettle_state") == "boiling",
+                within_s=300.0,
+            ),
+            ExpectationModel(text="kettle_docked stays true", condition=value("kettle_docked")),
+        ),
     ),
     SkillModel(
         name="pour_water",
         preview=("kettle_state", "kettle_water"),
         monitor=("kettle_water",),
         changes=("kettle_water",),
+        expects=(
+            ExpectationModel(
+                text="kettle_water becomes < 0.2 kg within 60 s",
+                condition=value("kettle_water") < 0.2,
+                within_s=60.0,
+            ),
+        ),
     ),
     SkillModel(
         name="cook",
         preview=("hob_level", "pot_on_hob", "pot_fill"),
         monitor=("hob_level",),
         changes=("hob_level", "hob_power"),
+        expects=(ExpectationModel(text='hob_level stays "high"', condition=value("hob_level") == "high"),),
     ),
 )

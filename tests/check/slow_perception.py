@@ -10,15 +10,16 @@ from typing import Any
 
 @dataclass
 class Eyes:
-    """The handle that all looks read: how long the first one of each takes; what is known already costs no time."""
+    """The handle that all looks read: how long the first of each take; what is known already costs no time."""
 
     durations_s: Mapping[str, float]
+    needed: Mapping[str, int] = field(default_factory=dict)
     looked: Counter[str] = field(default_factory=Counter)
 
     def look(self, name: str, job: Any) -> None:
         self.looked[name] += 1
         job.evidence(job.now_s(), job.now_s())
-        if self.looked[name] == 1:
+        if self.looked[name] <= self.needed.get(name, 1):
             job.sleep(self.durations_s[name])
 
 

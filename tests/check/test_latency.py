@@ -17,7 +17,7 @@ from codra_dsl.check.latency import worst_cases, worst_cases_in
 from codra_dsl.check.scope import Scope
 from codra_dsl.compiler import compile_paths
 from codra_dsl.experiments.loading import load_start
-from codra_dsl.model import Access, Resource, Usage
+from codra_dsl.model import Access, Resource, Usage, needed_of
 from codra_dsl.runtime import ContextManager, SimClock
 from tests.check.slow_perception import Eyes
 from tests.check.specs import checked
@@ -40,7 +40,8 @@ class Compiled:
         self, variable: str, durations_s: Mapping[str, float], truths: Mapping[str, bool], limit_s: float
     ) -> float:
         """Declare one variable, with nothing running, and return how long it takes until it is known."""
-        clock, eyes = SimClock(), Eyes(durations_s)
+        needed = {name: max(map(needed_of, each.algorithm.identifies)) for name, each in self.spec.algorithms.items()}
+        clock, eyes = SimClock(), Eyes(durations_s, needed)
         with self.start(clock=clock, resources=dict.fromkeys(self.handles, eyes)) as codra:
             for name, truth in truths.items():
                 codra.set(name, truth)
@@ -118,6 +119,7 @@ class Sketch:
     slots: dict[str, list[str]] = field(default_factory=dict)
     timeouts_s: dict[str, int] = field(default_factory=dict)
     ranks: dict[str, int] = field(default_factory=dict)
+    confirms: dict[str, int] = field(default_factory=dict)
     settings: list[str] = field(default_factory=list)
 
     @property
@@ -134,6 +136,10 @@ class Sketch:
         lines = ["codra: 1", "name: drawn", "context:", *context, "resources:", "  eyes: {}", "  one: {slots: 1}"]
         return "\n".join([*lines, "  two: {slots: 2}", "perception:", *looks, *observers, ""])
 
+    def _said(self, name: str) -> str:
+        needed = self.confirms[name]
+        return "seen" if needed == 1 else f"{{enter: seen, confirm: {needed} of {needed + 1}}}"
+
     def _look(self, name: str) -> list[str]:
         uses = ", ".join(["eyes: read", *(f"{slot}: slot" for slot in self.slots[name])])
         conditions = [f"world_lets_{name}", *self.conditions[name]]
@@ -149,7 +155,7 @@ class Sketch:
             "    observable_when:",
             *(f"      - {condition}" for condition in conditions),
             "    identifies:",
-            *(f"      {variable}: seen" for variable in self.identifies[name]),
+            *(f"      {variable}: {self._said(name)}" for variable in self.identifies[name]),
         ]
 
 
@@ -171,6 +177,7 @@ def drawn_specs(draw: st.DrawFn) -> Drawn:
             ]
             sketch.given[name] = draw(st.lists(st.sampled_from(earlier), max_size=1)) if earlier else []
             sketch.slots[name] = draw(st.sampled_from([["one"], [], ["one"], ["two"], ["one", "two"]]))
+            sketch.confirms[name] = draw(st.sampled_from([1, 1, 1, 1, 2, 3]))
             sketch.timeouts_s[name], sketch.ranks[name] = draw(st.integers(1, 9)), rank
         period_s, priority = draw(st.integers(1, 4)), draw(st.integers(0, 3))
         named = f"{{identifies: [{', '.join(made)}], period: {period_s} s, priority: {priority}}}"

@@ -11,12 +11,13 @@ from codra_dsl.check.lowering import lower, python_text
 from codra_dsl.check.types import Type, infer, infer_condition
 from codra_dsl.expression import Node, names_in, parse, to_text
 from codra_dsl.model import Kind
+from codra_dsl.runtime import conditions
 from codra_dsl.units import ONE, UNITS, Unit, convert
 from tests.check.typed_conditions import CONDITIONS, TYPES, Exact, TooCloseError, World, meaning, quantities, worlds
 
 WORDS = {
-    word: getattr(logic, word)
-    for word in ("age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value")
+    word: getattr(conditions, word)
+    for word in ("age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value")
 }
 
 
@@ -111,6 +112,11 @@ def test_types_do_not_depend_on_how_a_condition_is_spelled(tree: Node) -> None:
         ("1 / 0 > 2", "literal(1) / 0 > 2"),
         ("1 < 2", "literal(1) < 2"),
         ("abs(-3) == n", 'abs(literal(-3)) == value("n")'),
+        ("b1 == true", 'value("b1")'),
+        ("b1 == false", '~value("b1")'),
+        ("b1 != true", '~value("b1")'),
+        ("b1 != false", 'value("b1")'),
+        ("not b1 == false", '~(~value("b1"))'),
         ("true or b1", 'literal(True) | value("b1")'),
         ("true == b1", 'True == value("b1")'),
         ("(n + r) in (1, 2)", '(value("n") + value("r")).is_in(1, 2)'),

@@ -80,6 +80,17 @@ def test_a_value_that_goes_stale_before_it_is_renewed_is_found_with_both_numbers
     )
 
 
+def test_results_that_are_too_old_before_the_last_that_confirms_is_there_are_found() -> None:
+    assert told(("{near: found}", "{near: {enter: found, confirm: 2 of 3}}")) == []
+    (found,) = told(("{near: found}", "{near: {enter: found, confirm: 3 of 3}}"))
+    assert found == (
+        "stale-before-renewed",
+        "3 s",
+        "context-variable 'near' may never be confirmed though everything works: the first result that 'confirm' needs "
+        "can be 4 s older than the last, and is valid for 3 s",
+    )
+
+
 @pytest.mark.parametrize(
     ("edits", "expected"),
     [

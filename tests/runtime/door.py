@@ -15,6 +15,7 @@ from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Iden
 from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.model import (
     Algorithm,
+    ExpectationModel,
     ObserverModel,
     ResourceModel,
     SkillModel,
@@ -122,7 +123,16 @@ MODEL = ContextModel(
     observers=OBSERVERS,
     skills=(
         SkillModel(name="drive", preview=("near",)),
-        SkillModel(name="open_door", preview=("open",), monitor=("open", "near"), changes=("open",)),
+        SkillModel(
+            name="open_door",
+            preview=("open",),
+            monitor=("open", "near"),
+            changes=("open",),
+            expects=(
+                ExpectationModel(text="open becomes true within 5 s", condition=value("open"), within_s=5.0),
+                ExpectationModel(text="near stays true", condition=value("near")),
+            ),
+        ),
     ),
     resources=(ResourceModel(name="door"), ResourceModel(name="vision", slots=1)),
 )

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.logic import Term, age, between, choose, first_of, known, literal, maximum, value
+from codra_dsl.logic import Term, age, choose, first_of, known, literal, maximum, value
+from codra_dsl.runtime.conditions import between, confirmed
 from codra_dsl.runtime.term_text import TermTextError, spoken, term_of
 from tests.test_logic import TERMS
 
@@ -75,6 +76,7 @@ def test_what_is_no_condition_is_refused_and_not_run(text: str) -> None:
         (choose(value("a"), value("b"), value("c")), "a if b else c"),
         (first_of(("near", value("d") < 1.0), ("far", literal(True))), "'near': d < 1.0, 'far': true"),
         (between(value("a") > 2, value("a") < 1), "enter: a > 2, leave: a < 1"),
+        (confirmed(value("a") > 2, 2, 3), "a > 2, confirm: 2 of 3"),
     ],
 )
 def test_a_condition_is_said_as_a_spec_would(term: Term, said: str) -> None:

@@ -76,6 +76,7 @@ def test_each_variable_observer_and_algorithm_has_a_topic_of_its_own(long_run: P
         *(f"/codra/observer/{name}" for name in ("door_distance", "door_lid")),
         *(f"/codra/perception/{name}" for name in ("measure_distance", "look")),
         "/codra/decision/open",
+        *(f"/codra/expectation/{name}" for name in ("near", "open")),
     }
     assert topics["/codra/run"] == 1
 

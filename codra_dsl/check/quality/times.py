@@ -10,7 +10,17 @@ from codra_dsl.check.ages import upper_bounds
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import OBSERVER, Faults, Group, Scope, watched_by
 from codra_dsl.diagnostics import Diagnostic, Related
-from codra_dsl.model import FOREVER_S, Access, Algorithm, ObserverSetting, Resource, Skill, Variable
+from codra_dsl.model import (
+    DEFAULT_PERIOD_S,
+    FOREVER_S,
+    Access,
+    Algorithm,
+    ObserverSetting,
+    Resource,
+    Skill,
+    Variable,
+    needed_of,
+)
 
 MAX_VISITS = 300_000
 """How many variables are visited, for all skills together; skills that come later are not looked at."""
@@ -19,10 +29,6 @@ _ROUNDING = 1e-9
 
 MAX_TOLD = 5
 """How many algorithms a finding about a resource names."""
-
-DEFAULT_PERIOD_S = 1.0
-"""Of an observer that `observers` does not set up (P1, section 3.3: "a tick-rate of 1 s")."""
-
 
 @dataclass(frozen=True, slots=True)
 class Renewal:
@@ -47,6 +53,11 @@ class Renewal:
         """Return how old evidence can be before newer takes its place."""
         return round(self.pause_s + self.algorithm.timeout_s, 9)
 
+    def confirming_s(self, variable: str) -> float:
+        """Return how old the first of the results that confirm a variable can be when the last one is there."""
+        needed = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
+        return round((needed - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
+
 
 def stale_before_renewed(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Evidence stands until newer can be there, for the variable itself and for who demands a certain age."""
@@ -57,6 +68,8 @@ def stale_before_renewed(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
             renewal = _slowest(scope, faults, name)
             if renewal is not None and variable.valid_for_s < renewal.oldest_s:
                 yield _stale(variable, renewal)
+            elif renewal is not None and variable.valid_for_s <= renewal.confirming_s(name):
+                yield _never_confirmed(variable, renewal)
     for algorithm in scope.algorithms.values():
         reached = any(entry.variable.name in scope.reached for entry in algorithm.identifies)
         if reached and algorithm.observable_when and faults.sound("perception", algorithm.name):
@@ -111,6 +124,19 @@ def _stale(variable: Variable, renewal: Renewal) -> Diagnostic:
         variable.places.get("valid_for", variable.place),
         path=f"context.{variable.name}.valid_for",
         way_out="a longer 'valid_for', or a shorter 'timeout' or 'period'",
+        related=tuple(_renewed(renewal)),
+    )
+
+
+def _never_confirmed(variable: Variable, renewal: Renewal) -> Diagnostic:
+    return finding(
+        "stale-before-renewed",
+        f"context-variable '{variable.name}' may never be confirmed though everything works: the first result that "
+        f"'confirm' needs can be {_seconds(renewal.confirming_s(variable.name))} older than the last, and is valid for "
+        f"{_seconds(variable.valid_for_s)}",
+        variable.places.get("valid_for", variable.place),
+        path=f"context.{variable.name}.valid_for",
+        way_out="a longer 'valid_for', a shorter 'period', or a 'confirm' that needs fewer results",
         related=tuple(_renewed(renewal)),
     )
 

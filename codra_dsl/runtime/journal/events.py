@@ -22,6 +22,7 @@ class Kind(StrEnum):
     JOB = "job"
     DECISION = "decision"
     DECLARATION = "declaration"
+    EXPECTATION = "expectation"
     INPUT = "input"
 
 

@@ -47,6 +47,7 @@ class Ledger:
         started: by algorithm, the start of its last job.
         ended: by algorithm, the last end of a job.
         declared: by variable, whose need for it was declared or withdrawn last.
+        expected: by variable, what last came of what a skill expects of it.
     """
 
     def __init__(self) -> None:
@@ -59,6 +60,7 @@ class Ledger:
         self.started: dict[str, Event] = {}
         self.ended: dict[str, Event] = {}
         self.declared: dict[str, Event] = {}
+        self.expected: dict[str, Event] = {}
 
     @classmethod
     def of(cls, events: Iterable[Event], until_s: float, before: Ledger | None = None) -> Ledger:
@@ -74,7 +76,7 @@ class Ledger:
         """Return the same, to go on with apart."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in ("present", "known", "basis", "observers", "started", "ended", "declared"):
+        for name in ("present", "known", "basis", "observers", "started", "ended", "declared", "expected"):
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other
@@ -91,6 +93,8 @@ class Ledger:
                 self.observers[event.name] = event
             case Kind.DECLARATION:
                 self.declared[event.name] = event
+            case Kind.EXPECTATION:
+                self.expected[event.name] = event
             case _:
                 pass
 

@@ -20,6 +20,7 @@ TOPICS: Mapping[Kind, str] = {
     Kind.JOB: "/codra/perception",
     Kind.DECISION: "/codra/decision",
     Kind.DECLARATION: "/codra/declaration",
+    Kind.EXPECTATION: "/codra/expectation",
     Kind.INPUT: "/codra/input",
 }
 """Where the events of a kind go; below it each variable, observer and algorithm has a topic of its own."""
@@ -52,6 +53,8 @@ def schema_of(kind: Kind, name: str, outline: Outline) -> tuple[str, Field]:
             return _of_observer()
         case Kind.DECLARATION:
             return _of_declaration()
+        case Kind.EXPECTATION:
+            return _of_expectation(outline.variables[name].type.kind)
         case Kind.INPUT:
             return _of_input()
 
@@ -59,7 +62,7 @@ def schema_of(kind: Kind, name: str, outline: Outline) -> tuple[str, Field]:
 def about(kind: Kind, name: str, outline: Outline) -> dict[str, str]:
     """Return what tools show of the topic of something: units, label, place in the spec."""
     match kind:
-        case Kind.VARIABLE | Kind.DECISION | Kind.DECLARATION:
+        case Kind.VARIABLE | Kind.DECISION | Kind.DECLARATION | Kind.EXPECTATION:
             variable = outline.variables[name]
             told = {
                 "label": variable.label,
@@ -193,6 +196,25 @@ def _of_declaration() -> tuple[str, Field]:
     )
 
 
+def _of_expectation(kind: str) -> tuple[str, Field]:
+    return f"codra.Expectation.{kind}", _event(
+        "What came of what a skill expects.",
+        "The variable that it expects something of.",
+        {
+            "met": "it came true, or stayed so",
+            "violated": "it did not",
+            "not_seen": "nobody has seen whether it did, up to now",
+        },
+        skill=_field("string", "The skill."),
+        expected=_field("string", "What it expects, as the spec says it."),
+        acting_s=_field("number", "Since when that counts."),
+        value=_field(_JSON_TYPES[kind], "The value of the variable; left out when unknown."),
+        reason=_reason("Why it is unknown; left out when known."),
+        detail=_field("string", "Who or what made it unknown."),
+        source=_field("string", "Where the value came from."),
+    )
+
+
 def _of_input() -> tuple[str, Field]:
     return "codra.Input", _event(
         "What reached the context manager from outside. Replay starts from these and from what jobs returned.",
@@ -203,6 +225,7 @@ def _of_input() -> tuple[str, Field]:
             "expect": "these skills come next",
             "begin": "a skill begins",
             "act": "it acts",
+            "acted": "it does not act any more",
             "finish": "it ends",
             "write": "a variable is written",
             "decide": "a decision is asked",

@@ -28,6 +28,9 @@ def story(name: str, reading: Reading[Value], ledger: Ledger, outline: Outline) 
     declared = ledger.declared.get(name)
     if declared is not None and declared.what == "declared":
         yield f"declared since {instant(declared.instant_s)} for {declared.details['holder']}"
+    expected = ledger.expected.get(name)
+    if expected is not None:
+        yield _of_expectation(expected, outline)
 
 
 def _of_value(reading: Reading[Value], outline: Outline) -> Iterator[str]:
@@ -85,6 +88,13 @@ def _of_later(name: str, ledger: Ledger) -> Iterator[str]:
             case _:
                 source = last.details["source"]
                 yield f"{_counted(count, 'value')} with older evidence came since then, {at} from {source}"
+
+
+def _of_expectation(event: Event, outline: Outline) -> str:
+    skill, what = event.details["skill"], event.what.replace("_", " ")
+    place = outline.places.get(f"skill/{skill}")
+    at = "" if place is None else f"  [{place}]"
+    return f"skill {skill} expected: {event.details['expected']}; {what} at {instant(event.instant_s)}{at}"
 
 
 def _counted(count: int, noun: str) -> str:

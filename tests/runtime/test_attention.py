@@ -1,0 +1,156 @@
+"""`refresh: on_event`: when such a variable is looked at, and when it is left in peace."""
+
+from __future__ import annotations
+
+from codra_dsl.logic import value
+from codra_dsl.runtime import ContextModel, Reason, SimClock
+from codra_dsl.runtime.model import SkillModel
+from tests.runtime.forests import World, forest, given, observer, seen, started, takes, variable
+
+SEEN = {"seen": True}
+SKILLS = [
+    SkillModel(name="watch", monitor=("a",)),
+    SkillModel(name="push", preview=("a",), changes=("a",)),
+    SkillModel(name="speak"),
+]
+
+
+def a_model(**settings: object) -> ContextModel:
+    look = seen("look", "a", when=[value("near")])
+    return forest(
+        [given("near"), variable("a", refresh="on_event", **settings)], observer("o", look, period_s=2.0), skills=SKILLS
+    )
+
+
+def test_it_is_looked_at_until_it_is_known_and_then_left_in_peace() -> None:
+    clock, world = SimClock(), World({"look": {}})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        world.finds["look"] = SEEN
+        clock.sleep(100.0)
+        assert manager.get("a").value is True
+    assert world.asked_s("look") == [0.0, 2.0, 4.0, 6.0]
+
+
+def test_it_is_looked_at_again_once_it_is_unknown() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(valid_for_s=10.0), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(25.0)
+    assert world.asked_s("look") == [0.0, 10.0, 20.0]
+
+
+def test_it_is_looked_at_again_once_it_was_forgotten() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(when_unobservable="forget"), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        manager.set("near", False)
+        clock.sleep(0.0)
+        assert manager.get("a").reason is Reason.FORGOTTEN
+        clock.sleep(5.0)
+        manager.set("near", True)
+        clock.sleep(20.0)
+    assert world.asked_s("look") == [0.0, 10.0]
+
+
+def test_while_a_skill_monitors_it_it_is_looked_at_periodically() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        with manager.skill("watch"):
+            clock.sleep(5.0)
+        clock.sleep(50.0)
+    assert world.asked_s("look") == [0.0, 5.0, 7.0, 9.0]
+
+
+def test_after_any_acting_it_is_looked_at_once() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        with manager.skill("speak") as skill:
+            with skill.acting():
+                clock.sleep(5.0)
+            clock.sleep(50.0)
+    assert world.asked_s("look") == [0.0, 10.0]
+
+
+def test_what_a_skill_changes_is_looked_at_while_it_acts_and_once_more_afterwards() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        with manager.skill("push") as skill, skill.acting():
+            clock.sleep(5.0)
+            world.finds["look"] = {"seen": False}
+        assert manager.get("a").value is True
+        clock.sleep(50.0)
+        assert manager.get("a").value is False
+    assert world.asked_s("look") == [0.0, 5.000001, 10.0]
+
+
+def test_a_look_that_began_before_acting_ended_does_not_count_as_the_one_after_it() -> None:
+    clock, world = SimClock(), World({"look": takes(1.0, SEEN)})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(4.0)
+        with manager.skill("watch") as skill, skill.acting():
+            clock.sleep(2.5)
+        clock.sleep(50.0)
+    assert world.asked_s("look") == [0.0, 4.0, 6.0, 8.0]
+
+
+def test_a_look_after_acting_that_is_rejected_is_taken_again() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        world.finds["look"] = {}
+        with manager.skill("speak") as skill, skill.acting():
+            clock.sleep(1.0)
+        clock.sleep(3.0)
+        world.finds["look"] = SEEN
+        clock.sleep(50.0)
+    assert world.asked_s("look") == [0.0, 6.0, 8.0, 10.0]
+
+
+def test_an_observer_that_starts_anew_does_not_look_at_what_is_known() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        manager.withdraw("a")
+        manager.declare("a")
+        clock.sleep(5.0)
+    assert world.asked_s("look") == [0.0]
+
+
+def test_an_algorithm_looks_periodically_for_the_sake_of_its_other_variables() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    model = forest([variable("a", refresh="on_event"), variable("b")], observer("o", seen("look", "a", "b")))
+    with started(model, world, clock) as manager:
+        manager.declare("a")
+        clock.sleep(3.5)
+    assert world.asked_s("look") == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_an_alternative_looks_on_events_as_well() -> None:
+    clock, world = SimClock(), World({"eye": {}, "ear": SEEN})
+    model = forest([variable("a", refresh="on_event")], observer("o", seen("eye", "a"), seen("ear", "a")))
+    with started(model, world, clock) as manager:
+        manager.declare("a")
+        clock.sleep(30.0)
+        assert manager.get("a").source == "ear"
+    assert (world.asked_s("eye"), world.asked_s("ear")) == ([0.0], [0.0])
