@@ -25,7 +25,7 @@ sys.exit(not (drawing and rendering))
 endef
 export PROBE
 
-.PHONY: demo test lint cases mutants fuzz kills bench wheel clean prerequisites
+.PHONY: demo test lint cases mutants fuzz kills crowd bench wheel clean prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -55,6 +55,10 @@ fuzz: $(READY)
 # Two thousand writers of journals are killed: does each journal recover, with all that its writer had told of?
 kills: $(READY)
 	$(BIN)/python -m tests.kills 2000
+
+# Eight threads do ten thousand things with one context manager: does it hang, lose a wake-up, run what it should not?
+crowd: $(READY)
+	$(BIN)/python -m tests.crowd 10000 1 2 3
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
 bench: $(READY)

@@ -133,12 +133,16 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.close()
 
     def close(self) -> None:
-        """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more."""
+        """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more.
+
+        A decision that waits for an observer in another thread waits no longer.
+        """
         with self._clock:
             if not self._closed:
                 self._closed = True
                 self.inputs.close()
                 self.record.end()
+                self._clock.notify()
 
     # What the main execution declares (P1, Equation 4)
 
@@ -153,10 +157,10 @@ class ContextManager(Generic[VariableName, SkillName]):
             NotOfTypeError: if the value is not what the spec declares; then the variable is not declared.
             RuntimeError: if the context manager is closed.
         """
-        self._check_open()
         model = self._model(name)
         content = None if value is None else model.type.convert(value)
         with self._clock:
+            self._check_open()
             self.inputs.declare(name)
             if value is not None:
                 self.inputs.write(name, content, MAIN, None)
@@ -168,17 +172,19 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     def expect(self, *skills: SkillName) -> None:
         """Say which skills come next: what each previews is declared until it begins or others are expected."""
-        self._check_open()
         for name in skills:
             self._skill(name)
-        self.inputs.expect(skills)
+        with self._clock:
+            self._check_open()
+            self.inputs.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
         """Run a skill: what it previews and monitors is declared until it ends; its expectation is fulfilled."""
-        self._check_open()
         model = self._skill(name)
-        number = self.inputs.begin(name)
+        with self._clock:
+            self._check_open()
+            number = self.inputs.begin(name)
         try:
             yield self._skill_under_way(model, number)
         finally:
@@ -312,7 +318,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         )
         decision = self.inputs.ask(demand)
         if not decision.met and wait_up_to_s > 0:
-            self._clock.wait_until(lambda: demand.is_met(self._reading(name), self._clock.now_s()), wait_up_to_s)
+            self._clock.wait_until(
+                lambda: self._closed or demand.is_met(self._reading(name), self._clock.now_s()), wait_up_to_s
+            )
             self.inputs.resume(decision)
         if decision.is_answered:
             return decision.reading.content
@@ -435,6 +443,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise _unknown("variable", name, self._store.cells) from None
 
     def _check_open(self) -> None:
+        """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
         if self._closed:
             raise RuntimeError("the context manager is closed: start() makes a new one")
 
