@@ -42,6 +42,7 @@ class MomentReader:
 
     def __init__(self, package: Package, subject: Subject, findings: Findings) -> None:
         """Read for a compiled spec; findings are about `subject`."""
+        self._no = f"spec {shown(package.model.name)} has no"
         self._package = package
         self._subject = subject
         self._findings = findings
@@ -74,7 +75,7 @@ class MomentReader:
     # What changes
 
     def _alterations(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.handles, "resource with a handle", steps):
+        for key, value in self._known(node, self._package.handles, f"{self._no} handle", steps):
             if isinstance(value, MappingNode):
                 reader = self._reader(value)
                 attributes = {
@@ -84,16 +85,16 @@ class MomentReader:
                 yield Alteration(resource=key.text, attributes=attributes, place=self._place(key))
 
     def _sayings(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.agents, "agent that is a source", steps):
+        for key, value in self._known(node, self._package.agents, f"{self._no} agent", steps):
             if isinstance(value, MappingNode):
                 names = [name for name, each in self._package.variables.items() if key.text in each.sources]
-                what = f"context-variable whose source is '{key.text}'"
-                yield Saying(agent=key.text, values=dict(self._values(value, names, what, (*steps, key.text))))
+                problem = f"agent '{key.text}' is no source of"
+                yield Saying(agent=key.text, values=dict(self._values(value, names, problem, (*steps, key.text))))
             elif not value.reported:
                 yield Saying(agent=key.text, values=None)
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.algorithms, "perception algorithm that runs", steps):
+        for key, value in self._known(node, self._package.algorithms, f"{self._no} perception algorithm", steps):
             way = (*steps, key.text)
             if not isinstance(value, MappingNode):
                 if not value.reported:
@@ -117,7 +118,7 @@ class MomentReader:
             return None
         declared = self._package.algorithms[algorithm].returns
         found: dict[str, Literal | None] = {}
-        for key, value in self._known(node, declared, f"value that '{algorithm}' returns", (*steps, "returns")):
+        for key, value in self._known(node, declared, f"'{algorithm}' returns no", (*steps, "returns")):
             is_absent = isinstance(value, ScalarNode) and value.data is None and not value.reported
             if is_absent and declared[key.text].optional:
                 found[key.text] = None
@@ -168,7 +169,7 @@ class MomentReader:
             way = (*steps, key.text)
             verb = Verb(key.text)
             if verb is Verb.SET and isinstance(value, MappingNode):
-                for name, content in self._values(value, self._package.variables, "context-variable", way):
+                for name, content in self._values(value, self._package.variables, f"{self._no} context-variable", way):
                     yield Step(verb=verb, names=(name,), value=content, place=self._place(value.entries[name][0]))
             elif verb is Verb.DECIDE:
                 yield from self._decisions(value, way)
@@ -178,11 +179,11 @@ class MomentReader:
     def _step(self, verb: Verb, node: SequenceNode, steps: tuple[str, ...]) -> Step:
         skills = [skill.name for skill in self._package.model.skills]
         names, noun = (skills, "skill") if verb in _OF_SKILLS else (self._package.variables, "context-variable")
-        known = tuple(each.text for each in self._listed(node, names, noun, steps))
+        known = tuple(each.text for each in self._listed(node, names, f"{self._no} {noun}", steps))
         return Step(verb=verb, names=known, place=self._place(node))
 
     def _decisions(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Step]:
-        for key, value in self._known(node, self._package.variables, "context-variable", steps):
+        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
             asked = Asked()
             if isinstance(value, MappingNode):
                 asked = self._asked(self._reader(value), value, self._package.variables[key.text].type, steps)
@@ -201,7 +202,7 @@ class MomentReader:
     # What must be so
 
     def _beliefs(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known(node, self._package.variables, "context-variable", steps):
+        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
             type_ = self._package.variables[key.text].type
             if isinstance(value, MappingNode):
                 yield self._belief(key, value, type_, (*steps, key.text))
@@ -232,25 +233,25 @@ class MomentReader:
 
     def _running(self, node: YamlNode, steps: tuple[str, ...], *, is_running: bool) -> Iterator[Check]:
         names = [observer.name for observer in self._package.model.observers]
-        for each in self._listed(node, names, "observer", steps):
+        for each in self._listed(node, names, f"{self._no} observer", steps):
             yield Running(observer=each.text, is_running=is_running, place=self._place(each))
 
     def _outcomes(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Check]:
-        for key, value in self._known(node, self._package.variables, "context-variable", steps):
+        for key, value in self._known(node, self._package.variables, f"{self._no} context-variable", steps):
             if isinstance(value, ScalarNode):
                 yield Outcome(variable=key.text, how=value.text, place=self._place(value))
 
     # Names
 
     def _values(
-        self, node: MappingNode, names: Iterable[str], noun: str, steps: tuple[str, ...]
+        self, node: MappingNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[str, Literal | None]]:
-        for key, value in self._known(node, names, noun, steps):
+        for key, value in self._known(node, names, problem, steps):
             type_ = self._package.variables[key.text].type
             yield key.text, read_value(self._reader(node), value, type_, *steps, key.text)
 
     def _known(
-        self, node: YamlNode, names: Iterable[str], noun: str, steps: tuple[str, ...]
+        self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
     ) -> Iterator[tuple[ScalarNode, YamlNode]]:
         """Yield the entries whose keys are among some names; report the others."""
         allowed = list(names)
@@ -258,9 +259,11 @@ class MomentReader:
             if key.text in allowed:
                 yield key, value
             else:
-                self._unknown("unknown-key", key, allowed, noun, steps)
+                self._unknown("unknown-key", key, allowed, problem, steps)
 
-    def _listed(self, node: YamlNode, names: Iterable[str], noun: str, steps: tuple[str, ...]) -> Iterator[ScalarNode]:
+    def _listed(
+        self, node: YamlNode, names: Iterable[str], problem: str, steps: tuple[str, ...]
+    ) -> Iterator[ScalarNode]:
         """Yield the items that are among some names; report the others."""
         allowed = list(names)
         for each in node.items if isinstance(node, SequenceNode) else ():
@@ -269,13 +272,13 @@ class MomentReader:
             if each.text in allowed:
                 yield each
             else:
-                self._unknown("unknown-value", each, allowed, noun, steps)
+                self._unknown("unknown-value", each, allowed, problem, steps)
 
-    def _unknown(self, rule: str, node: ScalarNode, names: Iterable[str], noun: str, steps: tuple[str, ...]) -> None:
+    def _unknown(self, rule: str, node: ScalarNode, names: Iterable[str], problem: str, steps: tuple[str, ...]) -> None:
         allowed = list(names)
         near = self._findings.nearest(node.text, allowed)
         there = f"there is {listed(allowed)}" if allowed else "there is none"
-        message = f"spec '{self._package.model.name}' has no {noun} {shown(node.text)}"
+        message = f"{problem} {shown(node.text)}"
         way_out = f"did you mean '{near}'?" if near else there
         path = self._subject.part(*steps, node.text)
         self._findings.add(rule, message, self._place(node), help=way_out, path=path)

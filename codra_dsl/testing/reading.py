@@ -93,7 +93,7 @@ class _Reading:
         )
 
     def _makers(self) -> Iterator[tuple[str, Maker]]:
-        for key, node in self._named("resources", self._package.handles, "resource with a handle"):
+        for key, node in self._named("resources", self._package.handles, "handle"):
             reader = Reader(self._subject, node, self._findings)
             call = reader.scalar("call")
             if call is None:
@@ -107,7 +107,7 @@ class _Reading:
             yield key.text, Maker(call=call.text, arguments=literals, place=self._subject.origin.of(call))
 
     def _speakers(self) -> Iterator[tuple[str, float]]:
-        for key, node in self._named("agents", self._package.agents, "agent that is a source"):
+        for key, node in self._named("agents", self._package.agents, "agent"):
             every_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
             if every_s > 0:
                 yield key.text, every_s

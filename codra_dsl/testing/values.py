@@ -25,7 +25,7 @@ def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) ->
     try:
         return type_.convert(given)
     except NotOfTypeError as error:
-        reader.fail("wrong-type", f"{shown(steps[-1])} cannot be so: {error}", node, _wanted(type_), *steps)
+        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, _wanted(type_), *steps)
         return None
 
 
