@@ -164,7 +164,7 @@ def test_a_timeline_with_mistakes_is_no_test_and_says_all_of_them(project: Path)
     assert done.returncode == 2
     assert "Traceback" not in done.stdout
     assert "tests/gate.timeline.yaml:4:12: error[CDR2003]: spec 'gate' has no agent 'portr'" in done.stdout
-    assert "tests/gate.timeline.yaml:5:52: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in done.stdout
+    assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in done.stdout
 
 
 def test_a_program_runs_in_stories_through_the_fixture(project: Path) -> None:
