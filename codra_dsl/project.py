@@ -23,6 +23,11 @@ SCHEMA_COPY = ".codra/schema.json"
 """Where a project has a copy of it for its editors, from the root, if it has one."""
 
 
+_SPEC_ENDINGS = (".yaml", ".yml")
+_TIMELINE_ENDINGS = (".timeline.yaml", ".timeline.yml")
+"""Files that pytest takes for tests: they may stand beside specs."""
+
+
 def project_of(path: Path) -> Path | None:
     """Return the root of the project that a file or folder belongs to, or None where there is no project."""
     start = path.absolute()
@@ -42,12 +47,13 @@ def relative(path: Path, root: Path) -> str:
 def yaml_files(folder: Path) -> Iterator[Path]:
     """Yield the YAML files in or below a folder, sorted, then each folder that cannot be looked into.
 
-    Hidden folders and links to folders are not entered.
+    Timelines are left out. Hidden folders and links to folders are not entered.
     """
     shut: list[OSError] = []
     for around, folders, files in os.walk(folder, onerror=shut.append):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        yield from (Path(around, name) for name in sorted(files) if name.endswith((".yaml", ".yml")))
+        wanted = (name for name in files if name.endswith(_SPEC_ENDINGS) and not name.endswith(_TIMELINE_ENDINGS))
+        yield from (Path(around, name) for name in sorted(wanted))
     yield from (Path(error.filename) for error in shut)
 
 

@@ -32,6 +32,14 @@ WHOLE_FILE = ""
 
 SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
 
+_FORMS = {
+    "parameter_declaration": ("parameter_object", "parameter_type"),
+    "saying": ("said_values", "silence"),
+    "behaviour": ("behaviour_object", "behaviour_word"),
+    "belief": ("belief_object", "literal"),
+}
+"""What a value means that may be a mapping or not: the definition of the mapping, and that of anything else."""
+
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
 
@@ -163,14 +171,14 @@ def _errors(definition: str, data: object, path: tuple[str | int, ...]) -> Itera
             yield _Error(inner, str(error.validator), error.validator_value, schema_here, error.instance)
 
 
-def _branch(anchor: object, data: object) -> str | None:
+def _branch(anchor: str | None, data: object) -> str | None:
     """Return the definition that a value means which may have several forms."""
     if anchor == "identification":
         if not isinstance(data, dict):
             return "condition"
         return "hysteresis" if {"enter", "leave", "confirm"} & data.keys() else "cases"
-    if anchor == "parameter_declaration":
-        return "parameter_object" if isinstance(data, dict) else "parameter_type"
+    if anchor in _FORMS:
+        return _FORMS[anchor][0 if isinstance(data, dict) else 1]
     return None
 
 

@@ -29,6 +29,9 @@ _LOGGER = logging.getLogger(__name__)
 _LONGEST_WAIT_S = 3600.0
 """The dispatcher looks at its events at least this often."""
 
+_LAST = 2**62
+"""Larger than the number of any event, so that it comes after those of its instant."""
+
 PUNCTUAL_S = 0.01
 """An event that begins no later than this after its time happens, for all that it changes, at its time."""
 
@@ -174,6 +177,13 @@ class SimClock(Clock):
             heapq.heappush(self._events, (timer.instant_s, self._scheduled, timer))
             self._scheduled += 1
         return timer
+
+    def call_last_at(self, instant_s: float, callback: Callable[[], None]) -> None:
+        """Schedule an event after all others of its instant, also those that are yet to come."""
+        self._check_thread()
+        self._scheduled += 1
+        timer = Timer(max(instant_s, self._now_s), callback)
+        heapq.heappush(self._events, (timer.instant_s, _LAST + self._scheduled, timer))
 
     def sleep(self, duration_s: float) -> None:
         """Run all events of the next `duration_s` seconds, both ends included, then stand at their end."""

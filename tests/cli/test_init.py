@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
+from referencing import Registry, Resource
 
 from codra_dsl.load.shape import SCHEMA_FILE
 from codra_dsl.starter import SCHEMA_PATH
 
 WRITTEN = {
     ".codra/schema.json",
+    ".codra/timeline.json",
     ".github/workflows/codra.yml",
     ".gitignore",
     ".pre-commit-config.yaml",
@@ -23,6 +28,8 @@ WRITTEN = {
     "pyproject.toml",
     "requirements.txt",
     "specs/arm.yaml",
+    "tests/arm.timeline.yaml",
+    "tests/sensor_fails.yaml",
     "tests/test_arm.py",
 }
 
@@ -71,7 +78,7 @@ def test_a_new_project_lints_compiles_type_checks_and_passes_its_tests(tmp_path:
     assert succeeds("codra_dsl", "lint", "specs", "--fail-on", "warning", cwd=folder) == ""
     succeeds("codra_dsl", "compile", "specs", "--fail-on", "warning", cwd=folder)
     assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=folder) == ""
-    assert "5 passed" in succeeds("pytest", "-p", "no:cacheprovider", cwd=folder)
+    assert "7 passed" in succeeds("pytest", "-p", "no:cacheprovider", cwd=folder)
     assert succeeds("arm_program", cwd=folder) == "set the part down\n"
     assert "no issues found in 6 source files" in succeeds("mypy", "--strict", cwd=folder)
 
@@ -103,7 +110,7 @@ def test_it_says_what_to_do_next(tmp_path: Path) -> None:
     assert first == "Next:"
     assert commands[0] == "  cd 'some robots/my-arm'"
     assert commands[-1] == "  python my_arm_program.py"
-    assert done.stderr == "my_arm: 11 files written\n"
+    assert done.stderr == "my_arm: 14 files written\n"
 
 
 def test_a_folder_that_holds_other_files_keeps_them(tmp_path: Path) -> None:
@@ -189,6 +196,16 @@ def test_in_a_part_of_a_repository_it_says_what_is_read_only_at_the_top(tmp_path
 # The schema for editors
 
 
+def test_editors_find_the_keys_of_timelines_beside_those_of_specs(project: Path) -> None:
+    uri = (project / ".codra/timeline.json").as_uri()
+    registry: Registry[Any] = Registry(retrieve=lambda at: Resource.from_contents(json.loads(Path(at[7:]).read_text())))
+    validator = Draft202012Validator({"$ref": uri}, registry=registry)
+    moment = {"believes": {"part_held": True}}
+
+    assert validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"told": {"1 s": moment}}})
+    assert not validator.is_valid({"codra": 1, "timeline": "arm", "stories": {"told": {"1 s": {"beleives": {}}}}})
+
+
 def test_a_stale_copy_of_the_schema_is_found_and_renewed(tmp_path: Path) -> None:
     succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
@@ -203,7 +220,7 @@ def test_a_stale_copy_of_the_schema_is_found_and_renewed(tmp_path: Path) -> None
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
     assert (tmp_path / SCHEMA_PATH).read_bytes() == SCHEMA_FILE.read_bytes()
     assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path) == ""
-    assert [path.name for path in (tmp_path / ".codra").iterdir()] == ["schema.json"]
+    assert sorted(path.name for path in (tmp_path / ".codra").iterdir()) == ["schema.json", "timeline.json"]
 
 
 def test_a_project_without_a_copy_gets_none(tmp_path: Path) -> None:
@@ -228,4 +245,4 @@ def test_a_copy_behind_a_link_is_left_alone(link: str, tmp_path: Path) -> None:
     succeeds("codra_dsl", "compile", "specs", cwd=project)
 
     assert (elsewhere / "schema.json").read_text() == "not ours"
-    assert [path.name for path in elsewhere.iterdir()] == ["schema.json"]
+    assert sorted(path.name for path in elsewhere.iterdir()) == ["schema.json", "timeline.json"]

@@ -1,0 +1,109 @@
+"""The compiled spec that a timeline is about: names and types to check it by, and what runs."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from codra_dsl.diagnostics import suggest
+from codra_dsl.runtime import ContextManager, ContextModel, SimClock
+from codra_dsl.runtime.model import Algorithm, VariableModel
+
+FOLDER = "generated"
+_OWN_SOURCES = ("main_execution", "observer")
+
+
+class PackageError(Exception):
+    """There is no compiled spec of that name, or it cannot be imported.
+
+    Attributes:
+        message: what is wrong.
+        way_out: what to do.
+    """
+
+    def __init__(self, message: str, way_out: str) -> None:
+        super().__init__(f"{message}: {way_out}")
+        self.message = message
+        self.way_out = way_out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Package:
+    """A compiled spec.
+
+    Attributes:
+        build: makes its context manager.
+        algorithms: that its observers run, by name.
+    """
+
+    model: ContextModel
+    build: Callable[..., ContextManager[Any, Any]]
+    algorithms: Mapping[str, Algorithm]
+
+    @property
+    def variables(self) -> Mapping[str, VariableModel]:
+        """Return the context-variables by name."""
+        return {variable.name: variable for variable in self.model.variables}
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Return the names of outside writers, sorted."""
+        sources = {source for variable in self.model.variables for source in variable.sources}
+        return tuple(sorted(sources.difference(_OWN_SOURCES)))
+
+    @property
+    def handles(self) -> tuple[str, ...]:
+        """Return the names of the resources that have handles."""
+        return tuple(resource.name for resource in self.model.resources if resource.slots is None)
+
+
+def load_package(root: Path, name: str) -> Package:
+    """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
+
+    Args:
+        root: of the project; from here on Python looks for modules there, too.
+        name: of the spec.
+
+    Raises:
+        PackageError: if that is not possible.
+    """
+    _require(root, name)
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    try:
+        module = importlib.import_module(f"{FOLDER}.{name}")
+    except Exception as error:
+        message = f"'{FOLDER}/{name}' cannot be imported: {type(error).__name__}: {error}"
+        raise PackageError(message, "compile it anew: codra compile") from error
+    if not Path(str(module.__file__)).resolve().is_relative_to(root.resolve()):
+        raise PackageError(f"Python finds '{FOLDER}.{name}' in another project", "run pytest in each project by itself")
+    return _package(module)
+
+
+def _require(root: Path, name: str) -> None:
+    present = sorted(each.parent.name for each in (root / FOLDER).glob("*/manifest.json"))
+    if name not in present:
+        near = suggest(name, present)
+        way_out = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
+        raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", way_out)
+
+
+def _package(module: ModuleType) -> Package:
+    """Build a forest of it once, which tells its algorithms; nothing of it runs."""
+    model: ContextModel = module.MODEL
+    classes = [each for each in vars(module).values() if isinstance(each, type) and issubclass(each, ContextManager)]
+    build = next(each for each in classes if each is not ContextManager)
+    algorithms: dict[str, Algorithm] = {}
+
+    def note(algorithm: Algorithm) -> Callable[..., object]:
+        algorithms[algorithm.name] = algorithm
+        return note
+
+    handles = {resource.name: None for resource in model.resources if resource.slots is None}
+    build(model, clock=SimClock(), resources=handles, find=note).close()
+    return Package(model=model, build=build, algorithms=algorithms)

@@ -1,0 +1,27 @@
+"""Timelines from texts, about the compiled specs of this repository."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from codra_dsl.diagnostics import Diagnostic
+from codra_dsl.runtime import SimClock
+from codra_dsl.testing.reading import read_timeline
+from codra_dsl.testing.run import Run
+
+PATH = Path(__file__).parents[2] / "tests" / "told.timeline.yaml"
+HEAD = "codra: 1\ntimeline: kitchen\n"
+
+
+def findings(text: str) -> tuple[Diagnostic, ...]:
+    return read_timeline(PATH, {"tests/told.timeline.yaml": text.encode()})[2]
+
+
+def told(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
+    """The only story of a timeline about the kitchen, whose head need not be written."""
+    timeline, package, found = read_timeline(PATH, {"tests/told.timeline.yaml": (HEAD + text).encode()})
+    assert timeline is not None, found
+    assert package is not None
+    (story,) = timeline.stories
+    return Run(timeline, package, story, clock=SimClock(start_s), resources=resources or {})
