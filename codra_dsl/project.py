@@ -8,8 +8,10 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-_OUR_TABLE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*\[{1,2}[ \t]*tool[ \t]*\.[ \t]*codra[ \t]*[.\]]", re.MULTILINE)
+SETTINGS = "pyproject.toml"
+"""The file that makes a folder a project's root, and has its settings."""
 
+_OUR_TABLE = re.compile(rb"^(?:\xef\xbb\xbf)?[ \t]*\[{1,2}[ \t]*tool[ \t]*\.[ \t]*codra[ \t]*[.\]]", re.MULTILINE)
 
 MANIFEST = "manifest.json"
 """The file by which a package is known as one that codra made: it has this text in it."""
@@ -37,6 +39,14 @@ def project_of(path: Path) -> Path | None:
 def root_of(path: Path) -> Path:
     """Return the folder that the paths of specs are relative to: the project's root, else the folder of the spec."""
     return project_of(path) or (path.absolute() if path.is_dir() else path.absolute().parent)
+
+
+def straight(path: Path) -> Path:
+    """Return an existing path without `..`: the folder above `a/..` is that of `a`, not `a`."""
+    if ".." not in path.parts:
+        return path
+    short = Path(os.path.normpath(path.absolute()))
+    return short if short.exists() and short.samefile(path) else path.resolve()  # `..` behind a link leads elsewhere
 
 
 def relative(path: Path, root: Path) -> str:
@@ -68,10 +78,18 @@ def has_stale_schema(root: Path) -> bool:
         return False
 
 
-def _is_project(folder: Path) -> bool:
+def settings_in(folder: Path) -> bytes | None:
+    """Return what a folder's `pyproject.toml` holds, or None where there is no such file that can be read."""
+    file = folder / SETTINGS
     try:
-        data = (folder / "pyproject.toml").read_bytes()
+        return file.read_bytes() if file.is_file() else None  # a pipe would let us wait for ever
     except OSError:
+        return None
+
+
+def _is_project(folder: Path) -> bool:
+    data = settings_in(folder)
+    if data is None:
         return False
     try:
         settings = tomllib.loads(data.decode("utf-8"))

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 from typing import IO
 
 from codra_dsl.diagnostics import suggest
+from codra_dsl.project import SETTINGS
 
 MAX_FILES = 20_000
 MAX_FILE_BYTES = 32 * 1024 * 1024
@@ -32,10 +34,12 @@ _CLEAN = {
     "GIT_TERMINAL_PROMPT": "0",
     "LC_ALL": "C",
 }
-_SETTINGS = "pyproject.toml"
 _SUFFIXES = (".yaml", ".yml")
 _FILE_MODES = ("100644", "100755")
-_LINK_MODE = "120000"
+_SUBMODULE_MODE = "160000"
+_NOT_READ = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
+_INCOMPLETE = "not all files of the revision are here: fetch them (git fetch --refetch --no-filter)"
+_STEPS = re.compile(r"[~^].*")
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
@@ -49,13 +53,12 @@ class _Entry:
 
     mode: str
     object_name: str
-    size: int
     path: PurePosixPath
 
 
 @dataclass(frozen=True, slots=True)
 class Repository:
-    """A git repository by its working folder."""
+    """A git repository by its working folder, or its own one where it is bare."""
 
     top: Path
 
@@ -67,9 +70,12 @@ class Repository:
             RevisionError: if there is none.
         """
         folder = next(each for each in (path, *path.parents) if each.is_dir())
-        done = _run(("rev-parse", "--show-toplevel"), folder)
+        is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
+        done = _run(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
         if done.returncode != 0:
             reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
+            trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
+            reason += trust if "dubious ownership" in reason else ""
             raise RevisionError(f"'{folder}' is in no git repository that can be read: {reason}")
         return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
 
@@ -85,14 +91,21 @@ class Repository:
             raise RevisionError(f"'{name}' is a range: name both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
         if ":" in name:
             raise RevisionError(f"'{name}' is no revision: name the path after both versions")
-        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
-        if done.returncode != 0 or not name:
-            raise RevisionError(
-                f"'{name}' is neither a path here nor a revision of '{self.top.name}'{self._near(name)}"
-            )
-        return done.stdout.decode().strip()
+        found = self._verified(name)
+        if found is None:
+            way_out = self._way_out(name)
+            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({way_out})")
+        return found
 
-    def extract(self, commit: str, below: PurePosixPath, into: Path) -> tuple[PurePosixPath, ...]:
+    def _verified(self, name: str) -> str | None:
+        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        return done.stdout.decode().strip() if name and done.returncode == 0 else None
+
+    def holds(self, commit: str, path: PurePath) -> bool:
+        """Return whether there is a file or folder in a commit."""
+        return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
+
+    def extract(self, commit: str, below: PurePosixPath, into: Path) -> dict[PurePosixPath, str]:
         """Write the spec files of a revision into a folder, under their paths in the repository.
 
         Args:
@@ -101,7 +114,7 @@ class Repository:
             into: an empty folder that nobody else writes to.
 
         Returns:
-            The symbolic links that would have been spec files.
+            What was not read and may hold specs, each with what it is: symbolic links and submodules.
 
         Raises:
             RevisionError: if it holds too much, or not everything is here.
@@ -109,44 +122,54 @@ class Repository:
         found = tuple(self._entries(commit))
         inside = [each for each in found if each.path.is_relative_to(below)]
         wanted = [each for each in inside if each.mode in _FILE_MODES and each.path.name.endswith(_SUFFIXES)]
-        wanted += [each for each in found if each.path.name == _SETTINGS and below.is_relative_to(each.path.parent)]
-        wanted += [each for each in inside if each.path.name == _SETTINGS and each.path.parent != below]
+        wanted += [each for each in found if each.path.name == SETTINGS and below.is_relative_to(each.path.parent)]
+        wanted += [each for each in inside if each.path.name == SETTINGS and each.path.parent != below]
         written = self._write(dict.fromkeys(wanted), into)
         named = set(_included(into / entry.path for entry in written))
         others = [each for each in inside if each.mode in _FILE_MODES and os.fsencode(each.path.name) in named]
         self._write(dict.fromkeys(each for each in others if each not in written), into)
-        return tuple(each.path for each in inside if each.mode == _LINK_MODE and each.path.name.endswith(_SUFFIXES))
+        return {
+            each.path: _NOT_READ[each.mode]
+            for each in inside
+            if each.mode in _NOT_READ and (each.path.name.endswith(_SUFFIXES) or each.mode == _SUBMODULE_MODE)
+        }
 
-    def _near(self, name: str) -> str:
+    def _way_out(self, name: str) -> str:
+        start = _STEPS.sub("", name)
+        is_too_far = start != name and self._verified(start) is not None
+        if self._is_shallow() and (is_too_far or self._near(name) is None):
+            return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
+        if is_too_far:
+            return f"'{start}' is one, but has no '{name.removeprefix(start)}'"
+        near = self._near(name)
+        return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
+
+    def _near(self, name: str) -> str | None:
         done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
         names = ["HEAD", *os.fsdecode(done.stdout).split()]
         remote = next((each for each in sorted(names) if each.endswith(f"/{name}")), None)
-        near = remote or suggest(name, names)
-        if near:
-            return f" (did you mean '{near}'?)"
-        if self._is_shallow():
-            return " (this clone is shallow: fetch the revision first)"
-        return " (name a file, a folder, a branch, a tag or a commit)"
+        return remote or suggest(name, names)
 
     def _is_shallow(self) -> bool:
         return _run(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
 
     def _entries(self, commit: str) -> Iterator[_Entry]:
-        done = _run(("ls-tree", "-r", "-z", "-l", "--full-tree", commit), self.top)
+        done = _run(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
         if done.returncode != 0:
-            raise RevisionError(f"the files of {commit[:12]} cannot be listed: {os.fsdecode(done.stderr).strip()}")
+            raise RevisionError(_INCOMPLETE)
         for line in done.stdout.split(b"\0"):
             head, _, name = line.partition(b"\t")
             fields = head.decode().split()
             path = PurePosixPath(os.fsdecode(name))
-            if len(fields) == 4 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
-                yield _Entry(fields[0], fields[2], int(fields[3]) if fields[3].isdigit() else 0, path)
+            if len(fields) == 3 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
+                yield _Entry(fields[0], fields[2], path)
 
     def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
         chosen = tuple(each for each in entries if each.mode in _FILE_MODES)
-        if len(chosen) > MAX_FILES or sum(min(each.size, MAX_FILE_BYTES) for each in chosen) > MAX_TOTAL_BYTES:
+        sizes = self._sizes(chosen) if len(chosen) <= MAX_FILES else None
+        if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
             raise RevisionError("too much YAML to compare: name the specs that matter as PATH")
-        small = [each for each in chosen if each.size <= MAX_FILE_BYTES]
+        small = [each for each in chosen if sizes[each] <= MAX_FILE_BYTES]
         for entry, data in zip(small, self._blobs([each.object_name for each in small]), strict=True):
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -157,6 +180,14 @@ class Repository:
             with target.open("wb") as stream:
                 stream.truncate(MAX_FILE_BYTES + 1)
         return chosen
+
+    def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
+        names = "".join(f"{each.object_name}\n" for each in entries)
+        done = _run(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
+        sizes = done.stdout.split(b"\n")[: len(entries)]
+        if not all(size.isdigit() for size in sizes):
+            raise RevisionError(_INCOMPLETE)
+        return {each: int(size) for each, size in zip(entries, sizes, strict=True)}
 
     def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
         if not object_names:
@@ -186,7 +217,7 @@ class Repository:
 def _blob(stream: IO[bytes]) -> bytes:
     fields = stream.readline().split()
     if len(fields) != 3 or fields[1] != b"blob":
-        raise RevisionError("not all files of the revision are here: fetch it whole, without a filter")
+        raise RevisionError(_INCOMPLETE)
     size = int(fields[2])
     data = stream.read(size + 1)
     return data[:size]
@@ -200,13 +231,13 @@ def _included(files: Iterable[Path]) -> Iterator[bytes]:
             yield from _WORDS.findall(data)
 
 
-def _run(arguments: Sequence[str], folder: Path) -> subprocess.CompletedProcess[bytes]:
+def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
     try:
         return subprocess.run(
             (*_GIT, *arguments),
             cwd=folder,
             env=_environment(),
-            stdin=subprocess.DEVNULL,
+            input=text,
             capture_output=True,
             check=False,
         )

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Any
 
 import pytest
 from hypothesis import settings
+
+os.environ.pop("CI", None)  # what tests show is the same everywhere; with it there is no cache
 
 # The same draws in every run, and no deadline: no test of ours judges by the time that it took.
 settings.register_profile("repeatable", derandomize=True, deadline=None)

@@ -247,6 +247,46 @@ def test_where_nothing_can_be_kept_a_run_says_the_same(project: Path) -> None:
     assert run(project, "lint", "door.yaml") == expected
 
 
+@pytest.mark.parametrize("where", [FOLDER, f"{FOLDER}/.gitignore"])
+def test_nothing_is_kept_by_way_of_a_link(project: Path, where: str) -> None:
+    """A repository can hold links that lead anywhere."""
+    elsewhere = project.parent / f"{project.name}-elsewhere"
+    (project / where).parent.mkdir(exist_ok=True)
+    (project / where).symlink_to(elsewhere)
+    if where == FOLDER:
+        elsewhere.mkdir()
+
+    assert run(project, "lint", "door.yaml")[0] == 0
+
+    assert not elsewhere.is_file()
+    assert not elsewhere.is_dir() or not list(elsewhere.iterdir())
+
+
+def test_in_ci_what_was_kept_is_not_believed(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept may have come with the change that is to be judged."""
+    unused = "context:\n  unused: {type: bool, source: main_execution}\n"
+    (project / "door.yaml").write_text(DOOR.replace("context:\n", unused))
+    expected = run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    forged = json.loads(kept.read_text())
+    forged["run"]["diagnostics"] = []
+    kept.write_text(json.dumps(forged))
+    assert run(project, "lint", "door.yaml") != expected, "the cache is believed elsewhere"
+
+    monkeypatch.setenv("CI", "true")
+
+    assert run(project, "lint", "door.yaml") == expected
+
+
+def test_a_pipe_in_the_place_of_a_kept_run_is_not_waited_for(project: Path) -> None:
+    expected = run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    kept.unlink()
+    os.mkfifo(kept)
+
+    assert run(project, "lint", "door.yaml") == expected
+
+
 def test_an_older_version_of_codra_is_as_if_it_had_kept_nothing(project: Path) -> None:
     run(project, "lint", "door.yaml")
     (kept,) = (project / FOLDER).glob("*.json")

@@ -11,7 +11,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from codra_dsl.project import yaml_files
+from codra_dsl.project import SETTINGS, yaml_files
 
 MAX_BYTES = 64 * 1024 * 1024
 """Runs on larger files are not kept."""
@@ -28,7 +28,7 @@ def digests_of(root: Path, paths: Sequence[Path]) -> dict[str, str] | None:
     """
     asked = [file for path in paths for file in (yaml_files(path) if path.is_dir() else (path,))]
     found: dict[str, str] = {}
-    for file in (*asked, root / "pyproject.toml"):
+    for file in (*asked, root / SETTINGS):
         name = os.path.relpath(file, root)
         if name not in found:
             digest = _digest(file, root)

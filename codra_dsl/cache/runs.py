@@ -45,8 +45,13 @@ class Run:
 
 
 def cache_of(root: Path, command: str, paths: Sequence[Path]) -> Cache | None:
-    """Return the cache of one question; None where there is no project, since nothing is written elsewhere."""
-    return Cache(root, command, paths) if project_of(root) == root else None
+    """Return the cache of one question; None where there is no project, since nothing is written elsewhere.
+
+    None as well where the folder is a link, and where the environment says `CI`: there the folder may have come with
+    what is to be judged.
+    """
+    is_trusted = not os.environ.get("CI") and not (root / FOLDER).is_symlink()
+    return Cache(root, command, paths) if is_trusted and project_of(root) == root else None
 
 
 class Cache:
@@ -64,6 +69,8 @@ class Cache:
     def recall(self) -> Run | None:
         """Return the run that was kept for this question, if nothing that it depends on has changed since."""
         try:
+            if not self._file.is_file():
+                return None
             kept = json.loads(self._file.read_bytes())
             run = _run_from(kept["run"])
             fresh = kept["made_with"] == made_with() and kept["inputs"] == self._inputs(run.files)
@@ -97,7 +104,7 @@ def _write(file: Path, text: str) -> None:
     folder = file.parent
     folder.mkdir(exist_ok=True)
     ignore = folder / ".gitignore"
-    if not ignore.exists():
+    if not os.path.lexists(ignore):
         ignore.write_text("*\n", "ascii")
     with tempfile.NamedTemporaryFile("w", encoding="ascii", dir=folder, delete=False) as temporary:
         try:

@@ -5,6 +5,7 @@ A command module imports what it needs inside its function, so that `codra --hel
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import traceback
@@ -86,6 +87,9 @@ def _run() -> int:
         if isinstance(error, FileNotFoundError) and not _is_somewhere():
             say("codra: the current folder is no longer there: change to another one")
             return ExitCode.USAGE
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            say(f"codra: cannot write: {error.strerror}")
+            return ExitCode.FAILED
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL

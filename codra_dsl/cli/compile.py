@@ -56,11 +56,11 @@ def compile_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Compile specs to packages of readable Python: observers, the context's types, and the dependency graph."""
+    """Compile specs to packages of readable Python. Each has observers, the context's types, and the graph."""
     from codra_dsl.cache import cache_of
     from codra_dsl.report.findings import visible_lines
 
-    existing(paths)
+    paths = existing(paths)
     root = common_root(paths)
     folder = (out if out is not None else _default_out(paths[0])).absolute()
     measured = measuring(timings)

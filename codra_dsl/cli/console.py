@@ -257,16 +257,22 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def existing(paths: Iterable[Path]) -> None:
-    """Refuse paths that do not exist or cannot be reached, as a mistake of usage."""
+def existing(paths: Iterable[Path]) -> list[Path]:
+    """Return paths without `..`; those that do not exist or cannot be reached are a mistake of usage."""
+    from codra_dsl.project import straight
+
+    found: list[Path] = []
     for path in paths:
         try:
             path.stat()
+            found.append(straight(path))
         except FileNotFoundError as error:
-            raise typer.BadParameter(f"'{path}' does not exist", param_hint="PATH") from error
+            alone = ": standard input is read alone" if path == Path(STANDARD_INPUT) else ""
+            raise typer.BadParameter(f"'{path}' does not exist{alone}", param_hint="PATH") from error
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "no such path is possible"
             raise typer.BadParameter(f"'{path}' cannot be reached: {reason}", param_hint="PATH") from error
+    return found
 
 
 def common_root(paths: Sequence[Path]) -> Path:

@@ -99,7 +99,10 @@ def diff_command(
     allow: Allow = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Say what became unobservable, slower, cyclic, typed otherwise or weaker guarded from A to B, with a verdict."""
+    """Say what a change means for a robot.
+
+    What became unobservable, slower, cyclic, typed otherwise or weaker guarded from A to B, with a verdict.
+    """
     from codra_dsl.review import review
     from codra_dsl.revisions import RevisionError
 
@@ -114,6 +117,7 @@ def diff_command(
         _tell_about(sides[0], versions[0], color)
         found = review(versions[0], versions[1])
     found = replace(found, changes=tuple(_judged(change, allowed) for change in found.changes))
+    _tell_unused(allowed, found)
     how, versions_named = _asked(format_, output), _named(sides)
     if how is DiffFormat.GITHUB:
         _annotate(found, versions_named, sides[1].folder, output)
@@ -159,7 +163,7 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
     disk = [Path(name) if os.path.lexists(name) else None for name in names]
     base = next((path for path in disk if path is not None), None)
     if base is None and not wanted:
-        base, wanted = _default(names, stack)
+        base, wanted = _default(names)
     here = Path.cwd() if base is None else base
     first, second = (
         _on_disk(name, path, wanted) if path is not None else _in_revision(name, here, wanted, stack)
@@ -174,23 +178,25 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
     return first, second
 
 
-def _default(names: tuple[str, str], stack: ExitStack) -> tuple[Path, Sequence[PurePosixPath]]:
+def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
     """Return what two revisions are compared in: the project's specs, else all of it."""
     from codra_dsl.project import project_of
+    from codra_dsl.revisions import Repository
 
-    project = project_of(Path.cwd()) or Path.cwd()
-    specs = PurePosixPath(_SPECS)
-    has_specs = any(_in_revision(name, project, [specs], stack).paths for name in names)
-    return project, [specs] if has_specs else ()
+    project = Path(os.path.realpath(project_of(Path.cwd()) or Path.cwd()))
+    repository = Repository.around(project)
+    specs = _within(project / _SPECS, Path(os.path.realpath(repository.top)))
+    has_specs = any(repository.holds(repository.commit(name), specs) for name in names)
+    return project, [PurePosixPath(_SPECS)] if has_specs else ()
 
 
 def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
-    from codra_dsl.project import root_of
+    from codra_dsl.project import root_of, straight
 
     if wanted and not path.is_dir():
         raise typer.BadParameter(f"'{name}' is no folder: there is nothing below it", param_hint="PATH")
     paths = [path / each for each in wanted] or [path]
-    present = tuple(each for each in paths if each.exists())
+    present = tuple(straight(each) for each in paths if each.exists())
     root = root_of(present[0] if present else path)
     return _Side(name=name, paths=present, root=root, shown="", folder=folder_in_repository(root))
 
@@ -207,11 +213,12 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
     project = project_of(place)
     kept = project if project is not None and project.is_relative_to(top) else _folder(place)
     folder = Path(os.path.realpath(stack.enter_context(tempfile.TemporaryDirectory(prefix="codra-"))))
-    links = repository.extract(commit, PurePosixPath(kept.relative_to(top)), folder)
-    for link in links:
-        say(f"codra: {name}:{link} is a symbolic link: not read")
+    unread = repository.extract(commit, PurePosixPath(kept.relative_to(top)), folder)
     paths = [place / each for each in wanted] or [place]
     there = [folder / _within(Path(os.path.normpath(path)), top) for path in paths]
+    for path, what in unread.items():
+        if any((folder / path).is_relative_to(each) for each in there):
+            say(f"codra: {name}:{path} is {what}: not read")
     present = tuple(path for path in there if path.exists())
     root = _root(present[0], folder) if present else folder
     prefix = root.relative_to(folder).as_posix()
@@ -315,8 +322,18 @@ def _allowed(text: str) -> tuple[str, str]:
 
 
 def _judged(change: Change, allowed: Sequence[tuple[str, str]]) -> Change:
-    accepted = (change.category.value, "") in allowed or (change.category.value, change.element) in allowed
-    return replace(change, allowed=True) if accepted else change
+    return replace(change, allowed=True) if any(_accepts(each, change) for each in allowed) else change
+
+
+def _accepts(allowed: tuple[str, str], change: Change) -> bool:
+    category, element = allowed
+    return category == change.category and element in ("", change.element)
+
+
+def _tell_unused(allowed: Sequence[tuple[str, str]], found: Review) -> None:
+    for each in allowed:
+        if not any(_accepts(each, change) for change in found.changes):
+            say(f"codra: there is no change that --allow {':'.join(filter(None, each))} accepts")
 
 
 def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:

@@ -65,7 +65,7 @@ def work_on_files(paths: list[Path], timings: Timings) -> Work:
     """Return the specs at or below some paths as work."""
     from codra_dsl.project import relative
 
-    existing(paths)
+    paths = existing(paths)
     root = common_root(paths)
 
     def plan(texts: Mapping[str, bytes]) -> Planned:

@@ -83,11 +83,11 @@ def graph_command(
     output: Output = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Show the dependency graph of specs; findings go to standard error."""
+    """Show the dependency graph of specs. Findings go to standard error."""
     from codra_dsl.compiler import plan_paths
     from codra_dsl.report.graphs import graph_of
 
-    existing(paths)
+    paths = existing(paths)
     root = common_root(paths)
     planned = plan_paths(paths, root)
     if planned.diagnostics:

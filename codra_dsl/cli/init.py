@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -28,7 +29,7 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     texts = starter_texts(chosen, installed_requirement())
     taken = conflicts(texts, folder)
     if taken:
-        _refuse(taken, chosen)
+        _refuse(taken, folder, chosen)
     try:
         write_new(texts, folder)
     except OSError as error:
@@ -48,17 +49,15 @@ def _chosen(folder: Path, name: str | None) -> str:
         raise typer.BadParameter(str(error), param_hint="DIR" if name is None else "--name") from error
 
 
-def _refuse(taken: tuple[str, ...], name: str) -> None:
+def _refuse(taken: tuple[str, ...], folder: Path, name: str) -> None:
     say("codra: nothing was written, because these are there already:")
     for path in taken:
         say(f"  {path}")
-    say(f"help: move them away, or start in a folder of its own, such as: codra init {name}")
+    say(f"help: move them away, or start in a folder of its own, such as: codra init {shlex.quote(str(folder / name))}")
     raise typer.Exit(ExitCode.FAILED)
 
 
 def _next_commands(folder: Path, name: str) -> str:
-    import shlex
-
     there = [f"cd {shlex.quote(str(folder))}"] if folder.resolve() != Path.cwd() else []
     commands = [
         *there,

@@ -48,7 +48,7 @@ def lint_command(
     timings: ShowTimings = False,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Check specs; nothing that they name is imported or run, and nothing is written but fixes, FILE and the cache."""
+    """Check specs. Nothing that they name is imported or run, and nothing is written but fixes, FILE and the cache."""
     from codra_dsl.cache import cache_of
     from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -47,16 +48,24 @@ ShowTimings = Annotated[
 ColourOption = Annotated[Colour, typer.Option("--color", help="When to colour; NO_COLOR is respected.")]
 
 
-def _no_spec(output: Path | None) -> Path | None:
-    """Refuse to write over a spec: its path given in the wrong place would be the end of it."""
-    if output is not None and output.suffix in (".yaml", ".yml") and output.exists():
+def _writable(output: Path | None) -> Path | None:
+    """Refuse what cannot be written before any work is done, and a spec: in the wrong place its path would end it."""
+    if output is None:
+        return None
+    if output.suffix in (".yaml", ".yml") and output.exists():
         raise typer.BadParameter(f"'{output}' is there and may be a spec: choose a name with another ending")
+    if output.is_dir():
+        raise typer.BadParameter(f"'{output}' is a folder: name a file")
+    if not output.parent.is_dir():
+        raise typer.BadParameter(f"there is no folder '{output.parent}'")
+    if not os.access(output if output.exists() else output.parent, os.W_OK):
+        raise typer.BadParameter(f"'{output}' cannot be written: check its permissions")
     return output
 
 
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_no_spec
+        "--output", metavar="FILE", help="Write the result to this file.", show_default=False, callback=_writable
     ),
 ]

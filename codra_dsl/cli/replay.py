@@ -41,7 +41,7 @@ Copy = Annotated[
 def replay_command(
     file: JournalFile, *, package: Package = None, spec: SpecOption = None, journal: Copy = None
 ) -> None:
-    """Derive variables and decisions anew from recorded evidence, and compare them with the journal."""
+    """Derive variables and decisions anew from evidence. They are compared with those of the journal."""
     from codra_dsl.cli.journals import read_journal
 
     existing([path for path in (file, package, spec) if path is not None])
@@ -120,7 +120,8 @@ def _compiled(spec: Path, made: Path) -> Path:
     from codra_dsl.compiler import plan_paths
     from codra_dsl.emit import emit
 
-    planned = plan_paths([spec], common_root([spec]))
+    paths = existing([spec])
+    planned = plan_paths(paths, common_root(paths))
     if len(planned.plans) != 1:
         say(f"codra: '{spec}' does not compile to one package: see codra lint {spec}")
         raise typer.Exit(ExitCode.FAILED)

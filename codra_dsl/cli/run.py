@@ -66,7 +66,7 @@ def run_command(
     journal: JournalOption = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run a spec in a simulated world, and print what its observers held against what was true."""
+    """Run a spec in a simulated world. It prints what its observers held against what was true."""
     try:
         from codra_dsl.experiments import lab
     except ModuleNotFoundError as error:
@@ -74,7 +74,7 @@ def run_command(
         raise typer.Exit(ExitCode.FAILED) from error
 
     duration_s = None if for_ is None else _duration_s(for_)
-    existing([spec])
+    (spec,) = existing([spec])
     root = common_root([spec])
     loaded = _load(spec, root, color)
     settings = lab.LabSettings(

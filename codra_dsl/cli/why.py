@@ -47,7 +47,7 @@ def why_command(
     at: At = None,
     format_: Annotated[WhyFormat, typer.Option("--format", help="How it is shown.")] = WhyFormat.TEXT,
 ) -> None:
-    """Say why a variable was what it was: from its value to the evidence, or from unknown to what was missing."""
+    """Say why a variable was what it was. From its value to the evidence, or from unknown to what was missing."""
     from codra_dsl.cli.journals import read_journal
     from codra_dsl.runtime.journal.ledger import Ledger
     from codra_dsl.runtime.why import explain

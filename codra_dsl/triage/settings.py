@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from codra_dsl.diagnostics import Diagnostic, Place, Rule, Severity, Span, suggest
+from codra_dsl.project import SETTINGS, settings_in
 from codra_dsl.triage.rules import RULES, known_rules, nearest_code
 from codra_dsl.triage.toml_places import Steps, TomlPlaces
 
-FILE = "pyproject.toml"
 _BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _TABLE = ("tool", "codra", "lint")
 _KEYS = ("select", "ignore", "severity", "fail-on")
@@ -59,9 +59,8 @@ def _longest(prefixes: Iterable[str], code: str) -> int:
 
 def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
     """Return the settings of a project, as far as they can be understood, and what is wrong with them."""
-    try:
-        data = (root / FILE).read_bytes()
-    except OSError:
+    data = settings_in(root)
+    if data is None:
         return Settings(), ()
     try:
         text = data.decode("utf-8")
@@ -92,8 +91,8 @@ def _no_toml(complaint: str, text: str) -> Diagnostic:
 def _unreadable(what: str, line: int, column: int) -> Diagnostic:
     return Diagnostic(
         rule=RULES["unreadable-settings"],
-        message=f"'{FILE}' is no TOML: {what}",
-        place=Place(Span(FILE, line, column, line, column)),
+        message=f"'{SETTINGS}' is no TOML: {what}",
+        place=Place(Span(SETTINGS, line, column, line, column)),
         path="tool.codra",
         help="correct it there; a key stands once in its table",
     )
@@ -104,7 +103,7 @@ class _Reading:
 
     def __init__(self, document: Mapping[str, object], text: str) -> None:
         self.found: list[Diagnostic] = []
-        self._places = TomlPlaces(FILE, text)
+        self._places = TomlPlaces(SETTINGS, text)
         tool = document.get("tool")
         self._codra = tool.get("codra", {}) if isinstance(tool, dict) else {}
 

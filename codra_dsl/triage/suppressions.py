@@ -31,6 +31,7 @@ _MARKED = re.compile(
     r"#[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?", re.IGNORECASE
 )
 _CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
+_WORD = re.compile(r"\w")
 _VERB = "ignore"
 _OTHER_VERBS = frozenset({"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"})
 _WAY_OUT = "write '# codra: ignore[CDR7102] reason'"
@@ -110,7 +111,7 @@ class Suppression:
     file: str
     span: Span
     codes: tuple[Code, ...]
-    reason: str
+    has_reason: bool
     line: int | None
     removal: Edit
     used: set[str] = field(default_factory=set)
@@ -156,7 +157,7 @@ class Suppressions:
                 yield _finding("ill-formed-suppression", "this comment silences nothing", each.span, _WAY_OUT)
             for index, code in enumerate(each.codes):
                 yield from self._of_code(each, index, code, complete=complete)
-            if each.used and not each.reason:
+            if each.used and not each.has_reason:
                 message = "the comment does not say why it silences findings"
                 way_out = f"write the reason behind it: # codra: ignore[{each.codes[0].text}] REASON"
                 yield _finding("suppression-without-reason", message, each.span, way_out)
@@ -235,7 +236,7 @@ def _suppression(source: Source, marked: re.Match[str], end: int, *, is_right: b
         file=source.file,
         span=span,
         codes=codes,
-        reason=(marked["reason"] or "").strip(" \t-:"),
+        has_reason=_WORD.search(marked["reason"] or "") is not None,
         line=_next_line(source, span.line) if stands_alone else span.line,
         removal=Edit(_whole_line(source, span.line) if stands_alone else source.span(before, end), ""),
     )

@@ -49,8 +49,18 @@ def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | 
 def unified(before: bytes, after: bytes, file: str) -> str:
     """Return the difference between two texts of a file in unified form; lines keep the ends that they have."""
     old, new = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
-    lines = difflib.unified_diff(old, new, file, file)
+    name = _quoted(file)
+    lines = difflib.unified_diff(old, new, name, name)
     return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+
+
+def _quoted(file: str) -> str:
+    """Return a file's name as git and patch write it: letters that could end it stand as bytes, in quotes."""
+    if file.isprintable() and not set('"\\') & set(file):
+        return f"{file}\t" if " " in file else file
+    plain = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
+    letters = (chr(byte) if byte in plain else f"\\{byte:03o}" for byte in os.fsencode(file))
+    return f'"{"".join(letters)}"'
 
 
 def _unwritten(file: str, reason: str) -> Diagnostic:

@@ -395,6 +395,45 @@ def test_graph_says_what_is_wrong_on_standard_error(project: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{MONITER}1 error\n")
 
 
+# Places
+
+
+def test_the_project_of_a_path_is_that_of_the_folder_where_it_ends(project: Path) -> None:
+    """`inner/../specs` has nothing to do with `inner`, whatever project that is."""
+    (project / "inner").mkdir()
+    (project / "inner/pyproject.toml").write_text("[tool.codra]\n")
+    (project / "specs/door.yaml").write_text(MISSPELT)
+
+    done = codra("lint", "inner/../specs", "specs/door.yaml", cwd=project)
+
+    assert (done.returncode, done.stdout) == (1, MONITER)
+    assert codra("lint", "../specs", cwd=project / "inner").stdout == MONITER
+
+
+def test_a_way_back_from_behind_a_link_is_that_of_the_file_system(project: Path, tmp_path: Path) -> None:
+    (project / "specs/door.yaml").write_text(MISSPELT)
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "link").symlink_to(project / "specs")
+
+    assert codra("lint", "link/../specs", cwd=outside).stdout == MONITER
+
+
+def test_a_pipe_in_the_place_of_settings_is_not_waited_for(project: Path) -> None:
+    (project / "pyproject.toml").unlink()
+    os.mkfifo(project / "pyproject.toml")
+
+    assert codra("lint", "specs", cwd=project).returncode == 0
+
+
+@pytest.mark.parametrize("output", [".", "nowhere/findings.txt"])
+def test_where_the_result_cannot_go_nothing_is_done(project: Path, output: str) -> None:
+    done = codra("compile", "specs", "--output", output, cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert not (project / "generated").exists()
+
+
 # Endings
 
 
@@ -466,6 +505,23 @@ from codra_dsl.cli import main
 sys.argv = ["codra", "lint", "specs"]
 main()
 """
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["lint", "--help"], ["explain"]])
+def test_a_full_disk_is_no_bug(arguments: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "codra_dsl", *arguments],
+            env=environment(),
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+
+    assert done.returncode == 1
+    assert done.stderr.startswith("codra: cannot write")
+    assert done.stderr.endswith(": No space left on device\n")
 
 
 def test_a_bug_of_ours_says_so_and_exits_with_70(project: Path) -> None:

@@ -248,6 +248,13 @@ def test_what_was_allowed_is_shown_as_such(project: Path) -> None:
     assert done.stdout.endswith("verdict: same (1 allowed)\n")
 
 
+def test_what_is_allowed_in_vain_is_told(project: Path) -> None:
+    done = codra("v1", "HEAD", "--allow", "weaker:door/perception/measure_dor", cwd=project)
+
+    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
+    assert done.stderr == "codra: there is no change that --allow weaker:door/perception/measure_dor accepts\n"
+
+
 def test_errors_in_b_are_breaking_changes(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WITH_ERROR)
 
@@ -364,6 +371,55 @@ def test_a_branch_that_only_the_remote_has_is_suggested(project: Path) -> None:
     git("update-ref", "refs/remotes/origin/feature", "HEAD", cwd=project)
 
     assert "did you mean 'origin/feature'?" in codra("feature", "specs", cwd=project).stderr
+
+
+def test_a_history_that_is_too_short_is_told_as_such(project: Path, tmp_path: Path) -> None:
+    commit(project, "again")
+    git("clone", "--quiet", "--depth=1", project.as_uri(), "shallow", cwd=tmp_path)
+
+    assert "('HEAD' is one, but has no '~7')" in codra("HEAD~7", "HEAD", cwd=project).stderr
+    assert "git fetch --unshallow" in codra("HEAD~1", "HEAD", cwd=tmp_path / "shallow").stderr
+
+
+def test_a_partial_clone_is_compared_as_far_as_its_specs_are_here(project: Path, tmp_path: Path) -> None:
+    for text in ("one", "two"):
+        (project / "notes.txt").write_text(text)
+        commit(project, text)
+    (project / "specs/door.yaml").write_text(WEAKER)
+    commit(project, "weaker")
+    (project / "specs/door.yaml").write_text(DOOR)
+    commit(project, "as before")
+    git("config", "uploadpack.allowFilter", "true", cwd=project)
+    git("clone", "--quiet", "--filter=blob:none", project.as_uri(), "partial", cwd=tmp_path)
+
+    here = codra("HEAD~3", "HEAD", cwd=tmp_path / "partial")
+    missing = codra("HEAD~1", "HEAD", cwd=tmp_path / "partial")
+
+    assert (here.returncode, here.stdout) == (0, "verdict: same\n")
+    assert (missing.returncode, missing.stdout) == (2, "")
+    assert "git fetch --refetch --no-filter" in missing.stderr
+
+
+def test_a_bare_repository_has_revisions_as_well(project: Path, tmp_path: Path) -> None:
+    (project / "specs/door.yaml").write_text(WEAKER)
+    commit(project, "weaker")
+    git("clone", "--quiet", "--bare", str(project), "robot.git", cwd=tmp_path)
+
+    done = codra("v1", "main", "--format", "json", cwd=tmp_path / "robot.git")
+
+    assert changes(done) == ["weaker door/perception/measure_door"]
+
+
+def test_a_submodule_in_a_revision_is_told_once_and_not_read(project: Path, tmp_path: Path) -> None:
+    git("init", "--quiet", "--initial-branch=main", "outer", cwd=tmp_path)
+    outer = tmp_path / "outer"
+    git("-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(project), "robot", cwd=outer)
+    commit(outer, "robot")
+
+    done = codra("HEAD", "main^0", cwd=outer)
+
+    assert (done.returncode, done.stdout) == (0, "verdict: same\n")
+    assert done.stderr == "codra: HEAD:robot is a submodule: not read\ncodra: main^0:robot is a submodule: not read\n"
 
 
 def test_a_revision_outside_of_every_repository_has_a_way_out(tmp_path: Path) -> None:

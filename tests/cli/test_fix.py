@@ -217,6 +217,17 @@ def test_a_diff_can_be_applied_with_patch(project: Path) -> None:
     assert spec_of(project) == RIGHT
 
 
+@pytest.mark.parametrize("name", ["a b.yaml", "a\nb.yaml", 'a"b\\c.yaml', "été.yaml", os.fsdecode(b"\xff.yaml")])
+def test_a_diff_can_be_applied_whatever_a_file_is_called(project: Path, name: str) -> None:
+    (project / "specs/door.yaml").rename(project / "specs" / name)
+    patch = codra("lint", "specs", "--diff", cwd=project).stdout
+
+    applied = subprocess.run(["git", "apply", "-p0"], cwd=project, input=patch, capture_output=True, check=False)
+
+    assert (applied.returncode, applied.stderr) == (0, b"")
+    assert (project / "specs" / name).read_bytes() == RIGHT
+
+
 def test_without_anything_to_fix_the_diff_is_empty_and_succeeds(project: Path) -> None:
     (project / "specs/door.yaml").write_bytes(BROKEN)
 

@@ -149,6 +149,19 @@ def test_all_that_stands_in_the_way_is_named_at_once_and_nothing_is_written(tmp_
     assert (tmp_path / "README.md").read_text() == "mine"
 
 
+@pytest.mark.parametrize(("arguments", "other"), [([], "arm"), (["."], "arm"), (["sub"], "sub/sub")])
+def test_the_other_folder_that_is_named_is_free(arguments: list[str], other: str, tmp_path: Path) -> None:
+    folder = tmp_path / "arm"
+    for place in (folder, folder / "sub"):
+        place.mkdir()
+        (place / "README.md").write_text("mine\n")
+
+    done = codra("init", *arguments, cwd=folder)
+
+    assert done.stderr.splitlines()[-1].endswith(f"such as: codra init {other}")
+    assert codra("init", other, cwd=folder).returncode == 0
+
+
 def test_a_second_time_it_changes_nothing(project: Path) -> None:
     before = {path: (project / path).read_bytes() for path in WRITTEN}
 

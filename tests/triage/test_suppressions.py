@@ -66,8 +66,9 @@ def test_what_looks_like_a_comment_in_a_text_is_none(tmp_path: Path) -> None:
     assert codes(lint(KITCHEN.replace(UNUSED, block), tmp_path)) == ["CDR7102"]
 
 
-def test_a_comment_without_a_reason_is_an_error_in_place_of_what_it_silences(tmp_path: Path) -> None:
-    (found,) = lint(with_comment("# codra: ignore[CDR7102]"), tmp_path)
+@pytest.mark.parametrize("reason", ["", " ", " #", " - ...", ":"])
+def test_a_comment_without_a_reason_is_an_error_in_place_of_what_it_silences(tmp_path: Path, reason: str) -> None:
+    (found,) = lint(with_comment(f"# codra: ignore[CDR7102]{reason}"), tmp_path)
 
     assert (found.code, found.severity) == ("CDR7902", Severity.ERROR)
     assert found.place.span.line == 5
