@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.diagnostics import Diagnostic
-from codra_dsl.model import Algorithm, Expected, Hysteresis, Isolation, Refresh
+from codra_dsl.model import Algorithm, Expected, Hysteresis, Refresh
 
 
 def confirmations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
@@ -72,20 +72,7 @@ def refreshes(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
             )
 
 
-def isolations(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
-    """`process` runs in a thread for now."""
-    for algorithm in _sound_algorithms(scope, faults):
-        if algorithm.isolate is Isolation.PROCESS:
-            yield finding(
-                "not-yet-isolated",
-                f"'isolate: process' of algorithm '{algorithm.name}' has no effect yet: it runs in a thread",
-                algorithm.places.get("isolate", algorithm.place),
-                path=f"perception.{algorithm.name}.isolate",
-                way_out="let the function itself start a process if it may crash or block Python",
-            )
-
-
-EFFECTS = (confirmations, hystereses, expectations, refreshes, isolations)
+EFFECTS = (confirmations, hystereses, expectations, refreshes)
 """The rules of this phase."""
 
 

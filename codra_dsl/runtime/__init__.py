@@ -9,7 +9,7 @@ from codra_dsl.runtime.context import ContextManager, NotDeclaredError, Skill, U
 from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
-from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.perception import CallError, Job, Spent
 from codra_dsl.runtime.why import Why
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Record",
     "SimClock",
     "Skill",
+    "Spent",
     "UnknownNameError",
     "UnknownValueError",
     "WallClock",

@@ -10,7 +10,7 @@ from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.evidence import Present, held
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
-from codra_dsl.runtime.perception import Attempt, Failure, Interval, Perception, Result, State
+from codra_dsl.runtime.perception import Account, Attempt, Failure, Interval, Perception, Result, State
 from codra_dsl.runtime.setbacks import Setback
 
 if TYPE_CHECKING:
@@ -47,6 +47,10 @@ class Surroundings(Protocol):
         """Return the present instant."""
         ...
 
+    def urgency(self, observer: str) -> int:
+        """Return how soon the main execution needs what an observer identifies, the sooner the larger."""
+        ...
+
 
 class Branch:
     """One algorithm within an observer: its preconditions, its attempt, and what came of it.
@@ -69,6 +73,7 @@ class Branch:
         self._index = 0
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
+        self._is_accepted = False
         self._untold: set[str] = set()
         self._noted: Attempt | None = None
         for name in algorithm.given:
@@ -125,7 +130,7 @@ class Branch:
     def start(self) -> None:
         """Ask for a job."""
         self._attempt = self.observer.surroundings.perception.request(
-            self.algorithm, self.observer.model.priority, self._begin, self.observer.touch
+            self.algorithm, self._precedence, self._begin, self.observer.touch
         )
 
     def broken_condition(self) -> str | None:
@@ -160,6 +165,8 @@ class Branch:
         self._index = attempt.index
         if isinstance(attempt.outcome, Result):
             self.result, self._untold = attempt.outcome, set()
+            self._is_accepted = False
+            self._account.judged += 1
             return True
         if isinstance(attempt.outcome, Failure):
             self._set_back(self.identifies, attempt.outcome.reason, attempt.outcome.message, attempt.start_s)
@@ -192,9 +199,21 @@ class Branch:
         if content is None:
             self._refuse((variable,), Reason.REJECTED, "the result does not tell")
             return False
-        return self.observer.write(variable, content, self.algorithm.name, self._interval.start_s, self._stamp_s())
+        counts = self.observer.write(variable, content, self.algorithm.name, self._interval.start_s, self._stamp_s())
+        if counts and not self._is_accepted:
+            self._is_accepted = True
+            self._account.accepted += 1
+        return counts
 
     # Within
+
+    @property
+    def _account(self) -> Account:
+        return self.observer.surroundings.perception.account(self.algorithm)
+
+    def _precedence(self) -> tuple[float, int]:
+        """Return how its request for slots stands to others."""
+        return self.observer.model.priority, self.observer.surroundings.urgency(self.observer.name)
 
     def _begin(self) -> dict[str, Value | None] | None:
         """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""

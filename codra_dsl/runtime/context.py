@@ -15,14 +15,15 @@ from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
+from codra_dsl.runtime.declarations import MAIN
 from codra_dsl.runtime.forest import Forest
-from codra_dsl.runtime.inputs import MAIN, OBSERVER, Inputs, NotDeclaredError
+from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
 from codra_dsl.runtime.journal.head import Head
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
-from codra_dsl.runtime.perception import CallError, Function, Perception, imported
+from codra_dsl.runtime.perception import CallError, Function, Perception, Spent, imported
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.why import Why, explain
@@ -47,6 +48,8 @@ class _Surroundings:
     perception: Perception
     scribe: Scribe
     clock: Clock
+
+    urgency: Callable[[str], int]
 
     def now_s(self) -> float:
         return self.clock.now_s()
@@ -113,11 +116,10 @@ class ContextManager(Generic[VariableName, SkillName]):
             clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
         )
         cells, variables = self._store.cells, self._store.variables
-        surroundings = _Surroundings(cells, variables, self._perception, self._scribe, self._clock)
+        surroundings = _Surroundings(cells, variables, self._perception, self._scribe, self._clock, self._urgency)
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
-        for observer in self._forest.observers.values():
-            for branch in observer.branches:
-                self._perception.prepare(branch.algorithm)
+        observers = self._forest.observers.values()
+        self._perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
         self.inputs = Inputs(
             clock=self._clock,
             scribe=self._scribe,
@@ -143,6 +145,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self._closed = True
                 self.inputs.close()
                 self.record.end()
+        self._perception.close()
 
     # What the main execution declares (P1, Equation 4)
 
@@ -207,6 +210,15 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
             return self.inputs.declarations.names() | needed
+
+    def spent(self) -> Mapping[str, Spent]:
+        """Return what each observer has spent and brought so far, by its name."""
+        with self._lock:
+            observers = self._forest.observers.items()
+            return {
+                name: self._perception.spent(branch.algorithm for branch in observer.branches)
+                for name, observer in observers
+            }
 
     # What is known
 
@@ -407,6 +419,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         if name not in self._skills:
             raise _unknown("skill", name, self._skills)
         return self._skills[name]
+
+    def _urgency(self, observer: str) -> int:
+        return self.inputs.urgency(observer)
 
     def _changed(self, name: str) -> None:
         self._forest.changed(name)
