@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
 from codra_dsl.check.conditions import parts_of
 from codra_dsl.check.cycles import GRAPH, feedback
-from codra_dsl.check.effects import EFFECTS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.meanings import TYPES
 from codra_dsl.check.meant import read_as_meant
@@ -26,7 +25,7 @@ from codra_dsl.model import Algorithm, Condition, Expectation, Hysteresis, Ident
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
 
-PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY, EFFECTS)
+PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY)
 """The rules of each phase."""
 
 

@@ -22,6 +22,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "returns": "{}",
         "timeout_s": "5.0",
         "min_interval_s": "0.0",
+        "isolate": '"thread"',
     },
     "ObserverModel": {"period_s": "1.0", "priority": "0"},
     "ResourceModel": {"slots": "None"},
@@ -62,6 +63,7 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
         returns=dictionary({text_literal(each.name): _returned(each, imports) for each in declared.returns}),
         timeout_s=literal(declared.timeout_s),
         min_interval_s=literal(declared.min_interval_s),
+        isolate=text_literal(declared.isolate),
     )
     return spread_call("Algorithm", **fields)
 

@@ -75,11 +75,17 @@ class _Checker:
                 known = self._without_module.setdefault(name, (meant or "", []))
                 known[1].extend(callers)
             return None
-        if module is None or function in module.names:
-            return None if module is None else module.names[function]
-        if not module.is_open:
-            self._report_function(call, callers, module)
-        return None
+        if module is None:
+            return None
+        if function not in module.names:
+            if not module.is_open:
+                self._report_function(call, callers, module)
+            return None
+        signature = module.names[function]
+        if signature is not None and signature.is_unfit:
+            self._report_class(call, callers)
+            return None
+        return signature
 
     def report_modules(self) -> None:
         """Report the modules that are not there, each once."""
@@ -97,6 +103,14 @@ class _Checker:
         first, *others = callers
         message = f"module {shown(name)} has no function {shown(function)}, which algorithm '{first.name}' calls"
         self._report(first, message, way_out, near and f"{name}:{near}", others)
+
+    def _report_class(self, call: str, callers: list[Algorithm]) -> None:
+        name, _, function = call.partition(":")
+        first, *others = callers
+        message = (
+            f"class {shown(function)} of module {shown(name)}, which algorithm '{first.name}' calls, cannot perceive"
+        )
+        self._report(first, message, "give it a method 'perceive', or name a function", None, others)
 
     def _report(
         self, first: Algorithm, message: str, way_out: str, meant: str | None, others: Iterable[Algorithm]

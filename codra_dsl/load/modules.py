@@ -34,11 +34,13 @@ class Signature:
         accepted: every argument that may be given by its name.
         needed: those without a default value, and those that cannot be given by name.
         takes_any: whether it takes any other (`**rest`).
+        is_unfit: whether it is a class without `perceive`.
     """
 
     accepted: frozenset[str]
     needed: tuple[str, ...]
     takes_any: bool
+    is_unfit: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,15 +232,17 @@ def _is_opening(node: ast.AST) -> bool:
 
 
 def _of_class(statement: ast.ClassDef) -> Signature | None:
+    """Return what the `perceive` of a class takes, which is made without arguments."""
     if statement.bases or statement.keywords or statement.decorator_list:
         return None
-    methods = {each.name: each for each in statement.body if isinstance(each, (ast.FunctionDef, ast.AsyncFunctionDef))}
-    if "__new__" in methods:
+    bound = list(_defined(statement.body, at_top=False))
+    perceiving = [name for name, _ in bound if name == "perceive"]
+    if not perceiving:
+        return Signature(frozenset(), (), takes_any=False, is_unfit=True)
+    methods = [each for each in statement.body if isinstance(each, ast.FunctionDef) and each.name == "perceive"]
+    if len(perceiving) > 1 or len(methods) != 1 or methods[0].decorator_list:
         return None
-    begin = methods.get("__init__")
-    if begin is None:
-        return Signature(frozenset(), (), takes_any=False)
-    return None if begin.decorator_list else _signature(begin.args, 1)
+    return _signature(methods[0].args, 1)
 
 
 def _signature(arguments: ast.arguments, own: int) -> Signature:

@@ -29,7 +29,6 @@ FAMILIES: Mapping[str, str] = {
     "CDR6": "Output",
     "CDR7": "Context quality",
     "CDR79": "Comments that silence findings",
-    "CDR81": "What has no effect yet",
 }
 """What codes are about, by how they begin; the longest beginning counts."""
 

@@ -10,7 +10,7 @@ from codra_dsl.runtime.expectations import Outcome, Verdict, Verification
 from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
-from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.perception import CallError, Job, Spent
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.why import Why
 
@@ -33,6 +33,7 @@ __all__ = [
     "Record",
     "SimClock",
     "Skill",
+    "Spent",
     "Subscription",
     "UnknownNameError",
     "UnknownValueError",

@@ -12,7 +12,7 @@ from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.evidence import Present, first_loss, held, told_from_s
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
-from codra_dsl.runtime.perception import Attempt, Failure, Interval, Perception, Result, State
+from codra_dsl.runtime.perception import Account, Attempt, Failure, Interval, Perception, Result, State
 from codra_dsl.runtime.setbacks import Setback
 from codra_dsl.runtime.steadiness import Between, Confirmed, Tally, Told
 
@@ -58,6 +58,10 @@ class Surroundings(Protocol):
         """Return the present instant."""
         ...
 
+    def urgency(self, observer: str) -> int:
+        """Return how soon the main execution needs what an observer identifies, the sooner the larger."""
+        ...
+
 
 class Branch:
     """One algorithm within an observer: its preconditions, its attempt, and what came of it.
@@ -82,6 +86,7 @@ class Branch:
         self.last_start_s = BEFORE_ALL_S
         self._is_fresh = True
         self.is_on_event = False
+        self._is_accepted = False
         self._untold: set[str] = set()
         self._noted: Attempt | None = None
         for name in algorithm.given:
@@ -152,7 +157,7 @@ class Branch:
     def start(self) -> None:
         """Ask for a job."""
         self._attempt = self.observer.surroundings.perception.request(
-            self.algorithm, self.observer.model.priority, self._begin, self.observer.touch
+            self.algorithm, self._precedence, self._begin, self.observer.touch
         )
 
     def broken_condition(self) -> str | None:
@@ -187,6 +192,8 @@ class Branch:
         self._index = attempt.index
         if isinstance(attempt.outcome, Result):
             self.result, self._untold = attempt.outcome, set()
+            self._is_accepted = False
+            self._account.judged += 1
             return True
         if isinstance(attempt.outcome, Failure):
             self._set_back(self.identifies, attempt.outcome.reason, attempt.outcome.message, attempt.start_s)
@@ -233,6 +240,14 @@ class Branch:
         return self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
 
     # Within
+
+    @property
+    def _account(self) -> Account:
+        return self.observer.surroundings.perception.account(self.algorithm)
+
+    def _precedence(self) -> tuple[float, int]:
+        """Return how its request for slots stands to others."""
+        return self.observer.model.priority, self.observer.surroundings.urgency(self.observer.name)
 
     def _begin(self) -> dict[str, Value | None] | None:
         """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""

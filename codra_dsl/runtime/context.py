@@ -16,16 +16,17 @@ from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
+from codra_dsl.runtime.declarations import MAIN
 from codra_dsl.runtime.evidence import Present
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
-from codra_dsl.runtime.inputs import MAIN, OBSERVER, Inputs, NotDeclaredError
+from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
 from codra_dsl.runtime.journal.head import Head
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
-from codra_dsl.runtime.perception import CallError, Function, Perception, imported
+from codra_dsl.runtime.perception import CallError, Function, Perception, Spent, imported
 from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
@@ -53,6 +54,8 @@ class _Surroundings:
     attention: Attention
     scribe: Scribe
     clock: Clock
+
+    urgency: Callable[[str], int]
 
     def now_s(self) -> float:
         return self.clock.now_s()
@@ -107,11 +110,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._subscriptions = Subscriptions(clock, self._lock)
         self._expectations = Expectations(self._store, self._clock, self._scribe, self._subscriptions.judged)
         cells, variables, attention = self._store.cells, self._store.variables, Attention()
-        surroundings = _Surroundings(cells, variables, self._perception, attention, self._scribe, self._clock)
+        surroundings = _Surroundings(
+            cells, variables, self._perception, attention, self._scribe, self._clock, self._urgency
+        )
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
-        for observer in self._forest.observers.values():
-            for branch in observer.branches:
-                self._perception.prepare(branch.algorithm)
+        observers = self._forest.observers.values()
+        self._perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
         self.inputs = Inputs(
             clock=self._clock,
             scribe=self._scribe,
@@ -143,6 +147,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self.inputs.close()
                 self.record.end()
                 self._clock.notify()
+        self._perception.close()
 
     # What the main execution declares (P1, Equation 4)
 
@@ -210,6 +215,15 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._lock:
             needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
             return self.inputs.declarations.names() | needed
+
+    def spent(self) -> Mapping[str, Spent]:
+        """Return what each observer has spent and brought so far, by its name."""
+        with self._lock:
+            observers = self._forest.observers.items()
+            return {
+                name: self._perception.spent(branch.algorithm for branch in observer.branches)
+                for name, observer in observers
+            }
 
     # What is known
 
@@ -462,6 +476,9 @@ class ContextManager(Generic[VariableName, SkillName]):
         if name not in self._skills:
             raise _unknown("skill", name, self._skills)
         return self._skills[name]
+
+    def _urgency(self, observer: str) -> int:
+        return self.inputs.urgency(observer)
 
     def _changed(self, name: str) -> None:
         self._forest.changed(name)

@@ -5,17 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable
 
+MAIN = "main_execution"
+"""Who holds what is declared by itself."""
+
+EXPECTED = "expected"
+"""Who holds what expected skills preview; any other holder is a skill under way."""
+
 
 class Declarations:
     """What several holders declare: the main execution itself, skills under way, skills that are expected."""
 
     def __init__(self, enter: Callable[[str, str], None], leave: Callable[[str, str], None]) -> None:
-        """Start with nothing declared.
+        """Start with nothing declared; `version` counts what changes.
 
         Args:
             enter: called with a variable that enters C_E(t), and its holder.
             leave: called with a variable that leaves C_E(t), and who held it last.
         """
+        self.version = 0
         self._holders: dict[str, tuple[str, ...]] = {}
         self._counts: Counter[str] = Counter()
         self._enter = enter
@@ -36,9 +43,18 @@ class Declarations:
         """Return who declares something."""
         return tuple(self._holders)
 
+    def of_expected(self) -> tuple[str, ...]:
+        """Return what is declared for skills that are expected."""
+        return self.of(EXPECTED)
+
+    def of_skills(self) -> tuple[str, ...]:
+        """Return what is declared for skills under way."""
+        return tuple(name for holder in self._holders if holder not in (MAIN, EXPECTED) for name in self.of(holder))
+
     def hold(self, holder: str, names: Iterable[str]) -> None:
         """Let a holder declare exactly these variables; what it keeps is not touched."""
         before, after = self.of(holder), tuple(dict.fromkeys(names))
+        self.version += 1
         if after:
             self._holders[holder] = after
         else:

@@ -15,17 +15,16 @@ from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
-from codra_dsl.runtime.declarations import Declarations
+from codra_dsl.runtime.declarations import EXPECTED, MAIN, Declarations
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import SkillModel, VariableModel
 from codra_dsl.runtime.slots import MAIN_EXECUTION, Slots, Ticket
 from codra_dsl.runtime.store import Store
+from codra_dsl.runtime.urgency import Urgencies, Urgency
 
-MAIN = "main_execution"
 OBSERVER = "observer"
-_EXPECTED = "expected"
 
 
 class NotDeclaredError(PermissionError):
@@ -71,6 +70,11 @@ class Inputs:
         self._skills = skills
         self._explain = explain
         self.declarations = Declarations(self._enter, self._leave)
+        observers = forest.observers.items()
+        self._urgencies = Urgencies(
+            {name: observer.model.identifies for name, observer in observers},
+            {name: observer.needs() for name, observer in observers},
+        )
         self._expected: list[str] = []
         self._begun: dict[int, SkillModel] = {}
         self._skills_begun = 0
@@ -188,6 +192,7 @@ class Inputs:
             decision = Decision(number=self._decisions_asked, demand=demand, asked_s=now_s, reading=reading)
             self._look_up(decision)
             if not decision.met and demand.wait_up_to_s > 0:
+                self._urgencies.wait(decision.number, demand.variable)
                 return decision
             self._settle(decision)
             return decision
@@ -196,6 +201,7 @@ class Inputs:
         """Ask again, after waiting."""
         with self._clock:
             self._tell("waited", number=decision.number)
+            self._urgencies.answer(decision.number)
             self._look_up(decision)
             self._settle(decision)
 
@@ -216,12 +222,16 @@ class Inputs:
 
     # Slots
 
+    def urgency(self, observer: str) -> Urgency:
+        """Return how soon the main execution needs what an observer identifies."""
+        return self._urgencies.of(observer, self.declarations)
+
     def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
         """Queue the main execution for slots; return the number by which they are given back."""
         with self._clock:
             self._tell("request", resources=list(resources))
             self._slots_asked += 1
-            self._tickets[self._slots_asked] = self._slots.request(resources, MAIN_EXECUTION, grant)
+            self._tickets[self._slots_asked] = self._slots.request(resources, _first, grant)
             return self._slots_asked
 
     def release_slots(self, number: int) -> None:
@@ -238,7 +248,7 @@ class Inputs:
     def _hold_expected(self, skills: list[str]) -> None:
         self._expected = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
-        self.declarations.hold(_EXPECTED, previews)
+        self.declarations.hold(EXPECTED, previews)
 
     def _enter(self, name: str, holder: str) -> None:
         self._scribe.tell(Kind.DECLARATION, name, "declared", holder=holder)
@@ -298,6 +308,10 @@ class Inputs:
 
 def _holder(skill: SkillModel, number: int) -> str:
     return f"skill {skill.name} {number}"
+
+
+def _first() -> tuple[float, int]:
+    return MAIN_EXECUTION, 0
 
 
 def _stated(demand: Demand) -> dict[str, object]:

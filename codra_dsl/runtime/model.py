@@ -171,7 +171,7 @@ class Algorithm:
     """A perception algorithm pi: a passive callable and what it needs (P1, section 3.2).
 
     Attributes:
-        call: `package.module:function`; imported when the forest is built.
+        call: `package.module:function`, or a class with `perceive`; imported when the forest is built.
         parameters: literals that it always gets.
         handles: resources whose handle it gets, by name.
         slots: resources of which one job at a time and slot can run.
@@ -179,6 +179,7 @@ class Algorithm:
         returns: the type of each value of its result.
         timeout_s: when its job has run longer than this, it counts as timed out.
         min_interval_s: the least time between the starts of two jobs.
+        isolate: whether it runs in a thread of the program, or in a process of its own.
     """
 
     name: str
@@ -190,6 +191,7 @@ class Algorithm:
     returns: Mapping[str, ValueType] = field(default_factory=dict)
     timeout_s: float = 5.0
     min_interval_s: float = 0.0
+    isolate: Literal["thread", "process"] = "thread"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

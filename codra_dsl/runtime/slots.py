@@ -4,29 +4,61 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.model import ResourceModel
+
+Precedence = Callable[[], tuple[float, int]]
+"""Tells how a request stands now: its priority, then how urgent it is; the larger goes first."""
 
 MAIN_EXECUTION = math.inf
 """The priority of the main execution: it goes before every observer (P1, section 3.2)."""
 
 
 class Ticket:
-    """A place in the queue for slots, then the slots themselves."""
+    """A place in the queue for slots, then the slots themselves.
 
-    __slots__ = ("grant", "held", "rank", "slots")
+    Attributes:
+        age_s: how long it has waited, not counting the time in which the main execution left no slot.
+    """
 
-    def __init__(self, slots: tuple[str, ...], rank: tuple[float, int], grant: Callable[[], None]) -> None:
+    __slots__ = ("_precedence", "age_s", "grant", "held", "number", "patience_s", "slots")
+
+    def __init__(
+        self, slots: tuple[str, ...], precedence: Precedence, number: int, patience_s: float, grant: Callable[[], None]
+    ) -> None:
         self.slots = slots
-        self.rank = rank
+        self.number = number
+        self.patience_s = patience_s
         self.grant = grant
+        self.age_s = 0.0
         self.held = False
+        self._precedence = precedence
+
+    @property
+    def is_of_main_execution(self) -> bool:
+        """Return whether the main execution asks."""
+        return self._precedence()[0] == MAIN_EXECUTION
+
+    def rank(self) -> tuple[float, ...]:
+        """Return its place among those that wait: the smaller goes first."""
+        priority, urgency = self._precedence()
+        if priority == MAIN_EXECUTION:
+            return (0, self.number)
+        if self.age_s >= self.patience_s:
+            return (1, self.number)
+        return (2, -priority, -urgency, self.number)
 
 
 class Slots:
-    """Grants slots by priority, then by waiting time.
+    """Grants slots by priority, then urgency, then waiting time; but who has waited long goes before all priorities.
+
+    Who waits grows older while observers could have had the slot. Once older than the longest timeout of all jobs that
+    use it, a request goes before all observers that are not as old, the oldest request first. So among n algorithms,
+    each of which asks for one job at a time, none waits longer than n times that timeout, of the slot time that the
+    main execution leaves free: one timeout until it is that old, one for the job that has the slot then, and one each
+    for the n - 2 others that may be older.
 
     Several slots are granted together or not at all, so that nobody holds one while waiting for another; and whoever
     waits for several is not passed by those who need only one of them and rank lower.
@@ -36,28 +68,40 @@ class Slots:
         """Make all slots free; a resource without a number of slots takes any number of jobs."""
         self._clock = clock
         self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
+        self._all = dict(self._free)
+        self._main: Counter[str] = Counter()
+        self._patience_s: dict[str, float] = {}
         self._queue: list[Ticket] = []
         self._requests = 0
+        self._counted_s = clock.now_s()
 
     @property
     def resources(self) -> Mapping[str, float]:
         """Return how many slots of each resource are free."""
         return self._free
 
-    def request(self, slots: tuple[str, ...], priority: float, grant: Callable[[], None]) -> Ticket:
+    def expect(self, slots: Iterable[str], timeout_s: float) -> None:
+        """Say that there are jobs that use some slots for so long at most."""
+        for slot in slots:
+            self._patience_s[slot] = max(self._patience_s.get(slot, 0.0), timeout_s)
+
+    def request(self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None]) -> Ticket:
         """Queue for slots; `grant` is called once all are free, in an event of its own."""
+        self._grow_older()
         self._requests += 1
-        ticket = Ticket(tuple(dict.fromkeys(slots)), (-priority, self._requests), grant)
+        names = tuple(dict.fromkeys(slots))
+        patience_s = max((self._patience_s.get(name, math.inf) for name in names), default=math.inf)
+        ticket = Ticket(names, precedence, self._requests, patience_s, grant)
         self._queue.append(ticket)
         self._grant_soon()
         return ticket
 
     def release(self, ticket: Ticket) -> None:
         """Give slots back, or leave the queue; harmless when done twice."""
+        self._grow_older()
         if ticket.held:
             ticket.held = False
-            for slot in ticket.slots:
-                self._free[slot] += 1
+            self._move(ticket, 1)
         elif ticket in self._queue:
             self._queue.remove(ticket)
         self._grant_soon()
@@ -67,18 +111,33 @@ class Slots:
             self._clock.call_at(self._clock.now_s(), self._grant_all)
 
     def _grant_all(self) -> None:
+        self._grow_older()
         while (ticket := self._next()) is not None:
             self._queue.remove(ticket)
             ticket.held = True
-            for slot in ticket.slots:
-                self._free[slot] -= 1
+            self._move(ticket, -1)
             ticket.grant()
 
     def _next(self) -> Ticket | None:
         """Return the first in the queue whose slots are free, counting those that the ones before it wait for."""
         wanted: Counter[str] = Counter()
-        for ticket in sorted(self._queue, key=lambda one: one.rank):
+        for ticket in sorted(self._queue, key=Ticket.rank):
             if all(self._free[slot] > wanted[slot] for slot in ticket.slots):
                 return ticket
             wanted.update(ticket.slots)
         return None
+
+    def _move(self, ticket: Ticket, count: int) -> None:
+        """Give slots back, or take them."""
+        for slot in ticket.slots:
+            self._free[slot] += count
+            if ticket.is_of_main_execution:
+                self._main[slot] -= count
+
+    def _grow_older(self) -> None:
+        """Let time count for those who wait, unless the main execution has all slots of one that they need."""
+        now_s = self._clock.now_s()
+        passed_s, self._counted_s = now_s - self._counted_s, now_s
+        for ticket in self._queue if passed_s > 0 else ():
+            if all(self._main[slot] < self._all[slot] for slot in ticket.slots):
+                ticket.age_s += passed_s

@@ -131,11 +131,11 @@ def test_without_skills_nothing_is_unreached() -> None:
         ("monitor: [door_locked, people]", "monitor: [door_gap becomes < 5 mm within 1 min]", []),
         ("monitor: [door_locked, people]", "monitor: ['door_state becomes \"open\" within 1 s']", []),
         ("door_locked: {type: bool}", "door_locked: {type: bool, refresh: on_event}", []),
-        ("    given: [robot_is_localized]\n", "    isolate: process\n", ["not-yet-isolated"]),
+        ("    given: [robot_is_localized]\n", "    isolate: process\n", []),
         ("    given: [robot_is_localized]\n", "    isolate: thread\n", []),
     ],
 )
-def test_what_has_its_effect_only_later_is_said_without_keeping_the_spec_back(
+def test_what_the_runtime_does_beyond_a_plain_result_is_nothing_to_warn_of(
     old: str, new: str, rules: list[str]
 ) -> None:
     spec, found = checked(edited((old, new)))

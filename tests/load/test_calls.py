@@ -192,16 +192,28 @@ def test_a_function_must_take_what_it_gets_and_get_what_it_needs(
 @pytest.mark.parametrize(
     ("body", "way_out"),
     [
-        ("def __init__(self, camera, gain, near, job): pass", None),
-        ("def __init__(self, camera, gian, near, job): pass", "did you mean 'gian'?"),
-        ("def __new__(cls): pass", None),
-        ("pass", "it takes none"),
+        ("def perceive(self, camera, gain, near, job): pass", None),
+        ("def perceive(self, *, camera, gain, near, job): pass\n    def setup(self, *, gain): pass", None),
+        ("def perceive(self, camera, gian, near, job): pass", "did you mean 'gian'?"),
+        ("def perceive(self): pass", "it takes none"),
+        ("@staticmethod\n    def perceive(): pass", None),
+        ("perceive = make()", None),
+        ("if True:\n        def perceive(): pass", None),
     ],
 )
-def test_a_class_takes_what_its_init_does(project: Path, body: str, way_out: str | None) -> None:
+def test_a_class_takes_what_its_perceive_does(project: Path, body: str, way_out: str | None) -> None:
     found = with_module(project, f"class look:\n    {body}\n")
 
     assert found == [] if way_out is None else ("call-arguments", way_out) in found
+
+
+def test_a_class_without_perceive_is_told(project: Path) -> None:
+    (project / "bench" / "perception.py").write_text("class look:\n    def see(self, job): pass\n")
+    (found,) = found_in(project)
+
+    assert found.rule.name == "call-not-found"
+    assert found.message == "class 'look' of module 'bench.perception', which algorithm 'look' calls, cannot perceive"
+    assert found.help == "give it a method 'perceive', or name a function"
 
 
 def test_several_arguments_that_a_function_does_not_take_are_one_finding(project: Path) -> None:

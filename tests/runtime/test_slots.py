@@ -23,8 +23,8 @@ class Desk:
         self.granted: list[str] = []
         self.tickets: dict[str, Ticket] = {}
 
-    def ask(self, who: str, *slots: str, priority: float = 0.0) -> None:
-        self.tickets[who] = self.slots.request(slots, priority, lambda: self.granted.append(who))
+    def ask(self, who: str, *slots: str, priority: float = 0.0, urgency: int = 0) -> None:
+        self.tickets[who] = self.slots.request(slots, lambda: (priority, urgency), lambda: self.granted.append(who))
 
     def give_back(self, *names: str) -> list[str]:
         for name in names:

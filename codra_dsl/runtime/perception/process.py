@@ -1,0 +1,158 @@
+"""A process of its own for one perception algorithm, as the program sees it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import weakref
+from collections import deque
+from typing import IO, Any
+
+from codra_dsl.isolation.keeper import LEAVE_MS, STATUS, TERMINATE, TERMINATE_MS
+from codra_dsl.isolation.messages import Line
+
+_LOGGER = logging.getLogger("codra_dsl.perception")
+
+_BOOT = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from codra_dsl.isolation.keeper import main; "
+    "main(*map(int, sys.argv[2:5]), sys.argv[5])"
+)
+_ENDS_WITHIN_S = (LEAVE_MS + TERMINATE_MS) / 1000 + 1.0
+_CHUNK_BYTES = 8192
+_CHUNK_PERIOD_S = 0.05
+_WELL = "ended with exit code 0"
+_MAX_LINE = 200
+
+
+class Process:
+    """A process from its start to its end, and the keeper that ends it (`codra_dsl.isolation.keeper`).
+
+    It is spawned, never forked, and shares nothing with the program but a connection. What it prints goes to the logger
+    `codra_dsl.perception`, slowly: a process that floods its output waits, and nobody else does.
+
+    Attributes:
+        line: the connection to it.
+        is_doomed: whether it was told to end.
+    """
+
+    def __init__(self, name: str, call: str) -> None:
+        """Start it.
+
+        Args:
+            name: of the algorithm.
+            call: what the process imports.
+
+        Raises:
+            OSError: if the machine can start no more processes.
+        """
+        talk, their_talk = socket.socketpair()
+        life, their_life = socket.socketpair()
+        with their_talk, their_life:
+            self._keeper = subprocess.Popen(
+                _command(their_talk.fileno(), their_life.fileno(), call),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=(their_talk.fileno(), their_life.fileno()),
+                start_new_session=True,
+            )
+        self.line = Line(talk)
+        self.is_doomed = False
+        self._name = name
+        self._life = life
+        self._ending = threading.Lock()
+        self._how: str | None = None
+        self._printed: deque[str] = deque(maxlen=1)
+        self._hang_up = weakref.finalize(self, _hang_up, talk, life, os.getpid())
+        output = self._keeper.stdout
+        assert output is not None
+        threading.Thread(target=_listen, args=(output, name, self._printed), name="codra-output", daemon=True).start()
+
+    @property
+    def is_silent(self) -> bool:
+        """Return whether it waits for something to do: it has neither ended nor said anything."""
+        poll = select.poll()
+        poll.register(self.line.connection, select.POLLIN)
+        return not self.is_doomed and not poll.poll(0)
+
+    def terminate(self) -> None:
+        """End it at once, by SIGTERM, then by SIGKILL; do not wait for that."""
+        self.is_doomed = True
+        with contextlib.suppress(OSError):
+            self._life.send(TERMINATE, socket.MSG_DONTWAIT)
+
+    def hang_up(self) -> None:
+        """Let it end by itself, or be ended soon; do not wait for that."""
+        self.is_doomed = True
+        self._hang_up()
+
+    def ended(self) -> str:
+        """Wait until it has ended, which it was told to or has done, and return how, in words."""
+        with self._ending:
+            if self._how is None:
+                self._how = self._awaited_end()
+            return self._how
+
+    def leave(self) -> None:
+        """Wait for its end where nobody else has to: it was told to end."""
+        threading.Thread(target=self.ended, name="codra-leaving", daemon=True).start()
+
+    def _awaited_end(self) -> str:
+        told = b""
+        with contextlib.suppress(OSError):
+            self._life.settimeout(_ENDS_WITHIN_S)
+            told = self._life.recv(STATUS.size)
+        self.hang_up()
+        self._life.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._keeper.wait(_ENDS_WITHIN_S)
+        how = _described(STATUS.unpack(told)[0]) if len(told) == STATUS.size else "was lost"
+        if how != _WELL:
+            printed = f"; it printed last: {self._printed[-1]}" if self._printed else ""
+            _LOGGER.warning("the process of perception %r %s%s", self._name, how, printed)
+        return how
+
+
+def _command(talk_fd: int, life_fd: int, call: str) -> list[str]:
+    numbers = map(str, (talk_fd, life_fd, os.getpid()))
+    return [sys.executable, "-P", "-c", _BOOT, json.dumps(sys.path), *numbers, call]
+
+
+def _hang_up(talk: socket.socket, life: socket.socket, program: int) -> None:
+    """Say on both connections that nothing more comes, unless this process only inherited them."""
+    if os.getpid() == program:
+        for connection, how in ((talk, socket.SHUT_RDWR), (life, socket.SHUT_WR)):
+            with contextlib.suppress(OSError):
+                connection.shutdown(how)
+    talk.close()
+
+
+def _described(status: int) -> str:
+    code: Any = os.waitstatus_to_exitcode(status)
+    if code >= 0:
+        return f"ended with exit code {code}"
+    try:
+        return f"was ended by {signal.Signals(-code).name}"
+    except ValueError:
+        return f"was ended by signal {-code}"
+
+
+def _listen(output: IO[bytes], name: str, printed: deque[str]) -> None:
+    """Log what a process prints, at a rate that costs nobody anything."""
+    never = threading.Event()
+    with output:
+        while data := os.read(output.fileno(), _CHUNK_BYTES):
+            lines = [line[:_MAX_LINE].rstrip() for line in data.decode(errors="replace").splitlines()]
+            for line in filter(None, lines):
+                printed.append(line)
+                _LOGGER.info("%s: %s", name, line)
+            if len(data) == _CHUNK_BYTES:
+                never.wait(_CHUNK_PERIOD_S)
