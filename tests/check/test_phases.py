@@ -33,7 +33,7 @@ def test_a_spec_with_an_error_is_not_handed_on() -> None:
 
 
 def test_a_spec_with_warnings_alone_is_handed_on() -> None:
-    spec, found = checked(edited(("    given: [robot_is_localized]\n", "    isolate: process\n")))
+    spec, found = checked(edited(("resources:\n", "resources:\n  spare: {}\n")))
     assert spec is not None
     assert [each.severity for each in found] == [Severity.WARNING]
 
