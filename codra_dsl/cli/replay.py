@@ -42,14 +42,16 @@ def replay_command(
     file: JournalFile, *, package: Package = None, spec: SpecOption = None, journal: Copy = None
 ) -> None:
     """Derive variables and decisions anew from recorded evidence, and compare them with the journal."""
-    from codra_dsl.cli.journals import read_journal
+    from codra_dsl.cli.journals import opened_journal, say_what_lacks
 
     existing([path for path in (file, package, spec) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    head, events = read_journal(file)
+    with opened_journal(file) as reader:
+        head, events = reader.head(), tuple(reader.events())
+        say_what_lacks(reader, events[-1].instant_s if events else head.start_s)
     found = _replayed(head, events, package, spec, _opened(journal))
     write_result(_told(found, head))
     raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
