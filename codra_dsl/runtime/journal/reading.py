@@ -31,7 +31,7 @@ from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, kept_records
 from codra_dsl.runtime.journal.opening import MAGIC, is_being_written
 from codra_dsl.runtime.journal.schemas import kind_of
 from codra_dsl.runtime.journal.writing import OUTLINE
-from codra_dsl.runtime.outline import outline_of
+from codra_dsl.runtime.outline_data import outline_of
 
 _READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
 _MOST_BYTES = 1 << 28

@@ -239,6 +239,7 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
             "late": "the next event happens now, long after its time",
         },
         step=_field("integer", "How many events of the clock had happened by then."),
+        work=_field("integer", "In simulated time, the number of the job, among all jobs, whose function asks this."),
         variable=_field("string", "The variable."),
         value=_field("string", "The value, as JSON."),
         evidence_s=_list("number", "When the evidence was taken: its end, or start and end."),

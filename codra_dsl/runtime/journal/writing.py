@@ -12,7 +12,8 @@ from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.head import FORMAT, Head
 from codra_dsl.runtime.journal.mcap_file import McapFile
 from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, Field, about, run_schema, schema_of, topic_of
-from codra_dsl.runtime.outline import Outline, plain_outline
+from codra_dsl.runtime.outline import Outline
+from codra_dsl.runtime.outline_data import plain_outline
 
 OUTLINE = "outline.json"
 
