@@ -33,8 +33,10 @@ def opened_journal(path: Path) -> Iterator[JournalReader]:
 
 def say_what_lacks(reader: JournalReader, end_s: float) -> None:
     """Say what a journal lacks that has been read up to an instant."""
+    from codra_dsl.runtime.why.values import instant
+
     if reader.damage.is_torn:
         state = "is still being written" if reader.is_live else "lacks its end"
-        say(f"codra: '{reader.path}' {state}: it holds what happened up to {end_s:.3f} s")
+        say(f"codra: '{reader.path}' {state}: it holds what happened up to {instant(end_s)}")
     for part in reader.damage.unread:
         say(f"codra: '{reader.path}': cannot be read: {part}")

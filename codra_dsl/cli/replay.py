@@ -157,12 +157,14 @@ def _told(found: Replayed, head: Head) -> str:
 
 
 def _difference(found: Difference, head: Head) -> str:
+    from codra_dsl.runtime.why.values import instant
+
     event = found.recorded or found.replayed
     if event is None:
         return ""
     place = _place(event, head.outline)
     lines = [
-        f"differs at event {found.position}, {event.instant_s:.6g} s: {event.kind} {event.name}"
+        f"differs at event {found.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
         f"{_for_variables(event, head.outline)}{f'  [{place}]' if place else ''}",
         f"  journal: {_line(found.recorded)}",
         f"  replay:  {_line(found.replayed)}",

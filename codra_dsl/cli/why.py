@@ -31,7 +31,7 @@ JournalOption = Annotated[
     typer.Option(
         "--journal",
         metavar="FILE",
-        help="The journal of a run that is over, goes on, or was killed.",
+        help="The journal of a run: over, going on, or killed.",
         show_default=False,
     ),
 ]
@@ -40,7 +40,8 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="T",
-        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start.  "
+        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or where the clock shows the "
+        "time of day '2030-01-31 03:12:05', in UTC.  "
         "[default: the end, before observers stop]",
         show_default=False,
     ),
@@ -57,6 +58,7 @@ def why_command(
     """Say why a variable was what it was: from its value to the evidence, or from unknown to what was missing."""
     from codra_dsl.cli.journals import opened_journal, say_what_lacks
     from codra_dsl.runtime.journal.past import Past
+    from codra_dsl.runtime.why.values import instant
 
     existing([journal])
     with opened_journal(journal) as reader:
@@ -67,7 +69,7 @@ def why_command(
         end_s = head.start_s if past.end_s is None else past.end_s
         say_what_lacks(reader, end_s)
         if asked_s is not None and not head.start_s <= asked_s <= end_s:
-            message = f"the journal holds {head.start_s:g} s to {end_s:.3f} s, not {asked_s:g} s"
+            message = f"the journal holds {instant(head.start_s)} to {instant(end_s)}, not {instant(asked_s)}"
             raise typer.BadParameter(message, param_hint="--at")
         found = _explained(head, past, variable, end_s if asked_s is None else asked_s, journal)
     write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))
@@ -100,13 +102,34 @@ def _json(found: Why) -> str:
 
 def _instant_s(text: str, head: Head) -> float:
     """Return the instant that is asked about."""
+    if text.startswith("+"):
+        found_s = _seconds(text[1:].strip())
+        asked_s = None if found_s is None else head.start_s + found_s
+    else:
+        found_s = _seconds(text)
+        asked_s = _time_of_day_s(text) if found_s is None else found_s
+    if asked_s is None or not abs(asked_s) < math.inf:
+        ways = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
+        raise typer.BadParameter(f"'{text}' is no instant such as {ways}", param_hint="--at")
+    return asked_s
+
+
+def _seconds(text: str) -> float | None:
     from codra_dsl.units import parse_duration
 
-    from_s, number = (head.start_s, text[1:].strip()) if text.startswith("+") else (0.0, text)
     try:
-        found_s: object = float(number)
+        return float(text)
     except ValueError:
-        found_s = parse_duration(number)
-    if not isinstance(found_s, float) or not abs(found_s) < math.inf:
-        raise typer.BadParameter(f"'{text}' is no instant such as '31.5' or '+2 min'", param_hint="--at")
-    return from_s + found_s
+        found = parse_duration(text)
+        return found if isinstance(found, float) else None
+
+
+def _time_of_day_s(text: str) -> float | None:
+    """Return the seconds from 1970 to a day and time, which is in UTC if it does not say otherwise."""
+    from datetime import UTC, datetime
+
+    try:
+        found = datetime.fromisoformat(text.removesuffix("UTC").strip())
+    except ValueError:
+        return None
+    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).timestamp()

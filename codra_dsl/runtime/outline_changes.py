@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
+from codra_dsl.runtime.model import ValueType
 from codra_dsl.runtime.outline import AlgorithmOutline, Outline, Place, Rule
 
 
@@ -38,13 +39,13 @@ def _shown(said: Rule | str | None) -> str:
     return said.text if said.place is None else f"{said.text} [{said.place}]"
 
 
-def changes_near(name: str, before: Outline, now: Outline) -> tuple[Change, ...]:
-    """Return what two versions say otherwise, first what is nearest to a variable, algorithm or observer.
+def changes_near(names: Iterable[str], before: Outline, now: Outline) -> tuple[Change, ...]:
+    """Return what two versions say otherwise, first what is nearest to some variables, algorithms or observers.
 
     Near is what it is identified by, then what that needs, and so on up the dependency graph.
     """
     found = tuple(changes(before, now))
-    order = {owner: number for number, owner in enumerate(_upstream(name, before, now))}
+    order = {owner: number for number, owner in enumerate(_upstream(names, before, now))}
     return tuple(sorted(found, key=lambda change: order.get(change.owner, len(order))))
 
 
@@ -72,7 +73,7 @@ def _said(outline: Outline) -> Mapping[tuple[str, str], Sequence[Rule | str]]:
     for algorithm in outline.algorithms.values():
         said |= {(algorithm.name, what): rules for what, rules in _said_of(algorithm).items()}
     for variable in outline.variables.values():
-        said[variable.name, "type"] = (str(variable.type),)
+        said[variable.name, "type"] = (_type(variable.type),)
         said[variable.name, "source"] = (" or ".join(variable.sources),)
         said[variable.name, "valid_for"] = (f"{variable.valid_for_s:g} s",)
         said[variable.name, "when_unobservable"] = (str(variable.when_unobservable),)
@@ -85,19 +86,25 @@ def _said(outline: Outline) -> Mapping[tuple[str, str], Sequence[Rule | str]]:
     return said
 
 
+def _type(declared: ValueType) -> str:
+    ends = "" if declared.range is None else f" from {declared.range[0]:g} to {declared.range[1]:g}"
+    unit, members = f" {declared.unit}" if declared.unit else "", ", ".join(declared.members)
+    return f"{'optional ' if declared.optional else ''}{declared.kind}{unit}{ends}{members and f' of {members}'}"
+
+
 def _said_of(algorithm: AlgorithmOutline) -> Mapping[str, Sequence[Rule | str]]:
     return {
         "observable_when": algorithm.conditions,
         "accept_when": algorithm.accepts,
         "timeout": (f"{algorithm.timeout_s:g} s",),
         **{f"identifies {variable}": (rule,) for variable, rule in algorithm.identifies.items()},
-        **{f"returns {name}": (str(declared),) for name, declared in algorithm.returns.items()},
+        **{f"returns {name}": (_type(declared),) for name, declared in algorithm.returns.items()},
     }
 
 
-def _upstream(name: str, *outlines: Outline) -> Sequence[str]:
-    """Return what a variable, algorithm or observer comes from, the nearest first."""
-    met = [name]
+def _upstream(names: Iterable[str], *outlines: Outline) -> Sequence[str]:
+    """Return what variables, algorithms or observers come from, the nearest first."""
+    met = list(names)
     for each in met:
         met.extend(source for outline in outlines for source in _sources(each, outline) if source not in met)
     return met

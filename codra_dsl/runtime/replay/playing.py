@@ -150,10 +150,10 @@ def replay(head: Head, events: Sequence[Event], model: ContextModel, build: Buil
 def _with_changes(comparison: Comparison, head: Head) -> Difference | None:
     """Return the first difference, with what the spec says otherwise."""
     found = comparison.difference
-    event = None if found is None else found.recorded or found.replayed
-    if found is None or event is None or comparison.outline is None:
+    if found is None or comparison.outline is None:
         return found
-    return replace(found, changes=changes_near(event.name, head.outline, comparison.outline))
+    names = [event.name for event in (found.replayed, found.recorded) if event is not None]
+    return replace(found, changes=changes_near(names, head.outline, comparison.outline))
 
 
 def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:
