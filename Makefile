@@ -25,7 +25,7 @@ sys.exit(not (drawing and rendering))
 endef
 export PROBE
 
-.PHONY: demo test lint cases mutants fuzz kills crowd bench wheel clean prerequisites
+.PHONY: demo test lint cases mutants fuzz kills whys crowd bench wheel clean prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -52,9 +52,13 @@ mutants: $(READY)
 fuzz: $(READY)
 	$(BIN)/python -m tests.hostile 10000
 
-# Two thousand writers of journals are killed: does each journal recover, with all that its writer had told of?
+# Two thousand writers of journals and fifty robots are killed: does each journal recover, with all that was told of?
 kills: $(READY)
-	$(BIN)/python -m tests.kills 2000
+	$(BIN)/python -m tests.kills 2000 1 50
+
+# Why is a variable unknown, at two hundred random points? What is named as missing is supplied in a second run.
+whys: $(READY)
+	$(BIN)/python -m tests.whys 200
 
 # Eight threads do ten thousand things with one context manager: does it hang, lose a wake-up, run what it should not?
 crowd: $(READY)

@@ -55,8 +55,10 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
 
 
 def _told(found: Recovery) -> str:
+    from codra_dsl.runtime.why.values import instant
+
     damage = found.damage
-    lines = [f"{found.messages} messages from {found.from_s:.3f} s to {found.to_s:.3f} s"]
+    lines = [f"{found.messages} messages from {instant(found.from_s)} to {instant(found.to_s)}"]
     if not damage.is_torn and not damage.unread:
         lines.append("the journal was whole: nothing was lost")
     if damage.regained:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,29 +12,31 @@ import typer
 from codra_dsl.cli.console import ExitCode, say
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.journal import Event
-    from codra_dsl.runtime.journal.head import Head
+    from codra_dsl.runtime.journal.reading import JournalReader
 
 
-def read_journal(path: Path) -> tuple[Head, tuple[Event, ...]]:
-    """Return what ran and all events of a journal; say if it is torn, and fail if it is none."""
+@contextmanager
+def opened_journal(path: Path) -> Iterator[JournalReader]:
+    """Open a journal; fail if it is none, or cannot be read."""
     from codra_dsl.runtime.journal.reading import JournalError, JournalReader
 
     try:
         with JournalReader(path) as reader:
-            head, events, damage = reader.head(), tuple(reader.events()), reader.damage
+            yield reader
     except JournalError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
     except OSError as error:
         say(f"codra: cannot read '{path}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    if damage.is_torn:
-        say(f"codra: '{path}' lacks its end: it holds what happened up to {_end_s(events, head):.3f} s")
-    for part in damage.unread:
-        say(f"codra: '{path}': cannot be read: {part}")
-    return head, events
 
 
-def _end_s(events: tuple[Event, ...], head: Head) -> float:
-    return events[-1].instant_s if events else head.start_s
+def say_what_lacks(reader: JournalReader, end_s: float) -> None:
+    """Say what a journal lacks that has been read up to an instant."""
+    from codra_dsl.runtime.why.values import instant
+
+    if reader.damage.is_torn:
+        state = "is still being written" if reader.is_live else "lacks its end"
+        say(f"codra: '{reader.path}' {state}: it holds what happened up to {instant(end_s)}")
+    for part in reader.damage.unread:
+        say(f"codra: '{reader.path}': cannot be read: {part}")

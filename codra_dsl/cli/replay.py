@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from codra_dsl.runtime import ContextModel, Journal
     from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.head import Head
-    from codra_dsl.runtime.outline import Outline, Rule
+    from codra_dsl.runtime.outline import Outline, Place
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
 Package = Annotated[
@@ -37,20 +37,24 @@ Copy = Annotated[
     typer.Option("--journal", metavar="FILE", help="Write what is derived as a journal.", show_default=False),
 ]
 
+_MOST_CHANGES = 5
+
 
 def replay_command(
     file: JournalFile, *, package: Package = None, spec: SpecOption = None, journal: Copy = None
 ) -> None:
     """Derive variables and decisions anew from evidence. They are compared with those of the journal."""
-    from codra_dsl.cli.journals import read_journal
+    from codra_dsl.cli.journals import opened_journal, say_what_lacks
 
     existing([path for path in (file, package, spec) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
-    head, events = read_journal(file)
-    found = _replayed(head, events, package, spec, _opened(journal))
+    with opened_journal(file) as reader:
+        head, events = reader.head(), tuple(reader.events())
+        say_what_lacks(reader, events[-1].instant_s if events else head.start_s)
+    found = _replayed(head, events, package, spec, journal)
     write_result(_told(found, head))
     raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
 
@@ -65,7 +69,7 @@ def _opened(path: Path | None) -> Journal | None:
 
 
 def _replayed(
-    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, copy: Journal | None
+    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, journal: Path | None
 ) -> Replayed:
     import tempfile
 
@@ -81,7 +85,7 @@ def _replayed(
             raise typer.Exit(ExitCode.FAILED) from error
         _tell_versions(head, folder)
         try:
-            return _run(head, events, model, _manager_class(module), copy)
+            return _run(head, events, model, _manager_class(module), _opened(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -154,16 +158,24 @@ def _told(found: Replayed, head: Head) -> str:
 
 
 def _difference(found: Difference, head: Head) -> str:
+    from codra_dsl.runtime.why.values import instant
+
     event = found.recorded or found.replayed
     if event is None:
         return ""
-    place = _place(event, head)
-    return (
-        f"differs at event {found.position}, {event.instant_s:.6g} s: {event.kind} {event.name}"
-        f"{f'  [{place}]' if place else ''}\n"
-        f"  journal: {_line(found.recorded)}\n"
-        f"  replay:  {_line(found.replayed)}\n"
-    )
+    place = _place(event, head.outline)
+    lines = [
+        f"differs at event {found.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
+        f"{_for_variables(event, head.outline)}{f'  [{place}]' if place else ''}",
+        f"  journal: {_line(found.recorded)}",
+        f"  replay:  {_line(found.replayed)}",
+    ]
+    if found.because:
+        lines.append(f"  it goes on no further: {found.because}")
+    lines.extend(f"  the spec says otherwise: {change}" for change in found.changes[:_MOST_CHANGES])
+    if len(found.changes) > _MOST_CHANGES:
+        lines.append(f"  and {len(found.changes) - _MOST_CHANGES} more changes, farther away")
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _line(event: Event | None) -> str:
@@ -172,24 +184,18 @@ def _line(event: Event | None) -> str:
     return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
 
 
-def _rule(event: Event, outline: Outline) -> Rule | None:
-    """Return the rule by which an algorithm gave a variable its value, if one did."""
-    algorithm = outline.algorithms.get(event.details.get("source", ""))
-    return None if algorithm is None else algorithm.identifies.get(event.name)
-
-
-def _place(event: Event, head: Head) -> str:
-    """Return the place in the spec that an event follows from."""
+def _for_variables(event: Event, outline: Outline) -> str:
+    """Return which variables a job is there for."""
     from codra_dsl.runtime.journal import Kind
 
-    outline = head.outline
-    match event.kind:
-        case Kind.JOB if event.name in outline.algorithms:
-            place = outline.algorithms[event.name].place
-        case Kind.VARIABLE if (rule := _rule(event, outline)) is not None:
-            place = rule.place
-        case Kind.OBSERVER if event.name in outline.observers:
-            place = outline.observers[event.name].place
-        case _:
-            place = outline.places.get(f"context/{event.name}")
-    return "" if place is None else str(place)
+    algorithm = outline.algorithms.get(event.name) if event.kind is Kind.JOB else None
+    return "" if algorithm is None else f" for {', '.join(algorithm.identifies)}"
+
+
+def _place(event: Event, outline: Outline) -> Place | None:
+    """Return the place in the spec that an event follows from: that of the rule which gave a value, if one did."""
+    from codra_dsl.runtime.journal.schemas import place_of
+
+    algorithm = outline.algorithms.get(event.details.get("source", ""))
+    rule = None if algorithm is None else algorithm.identifies.get(event.name)
+    return place_of(event.kind, event.name, outline) if rule is None else rule.place

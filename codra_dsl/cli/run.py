@@ -149,8 +149,10 @@ def _made(folder: Path) -> Path:
 
 def _writable(journal: Path) -> Path:
     """Return the path of a journal that can be made, known before the run lest it be in vain."""
+    from codra_dsl.runtime.journal.opening import opened
+
     try:
-        journal.open("ab").close()
+        opened(journal).close()
     except OSError as error:
         raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
     return journal

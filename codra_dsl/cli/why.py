@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,8 +13,8 @@ import typer
 from codra_dsl.cli.console import ExitCode, existing, say, write_result
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.head import Head
+    from codra_dsl.runtime.journal.past import Past
     from codra_dsl.runtime.why import Why
 
 
@@ -26,14 +27,21 @@ class WhyFormat(StrEnum):
 
 Variable = Annotated[str, typer.Argument(metavar="VARIABLE", help="The context-variable.", show_default=False)]
 JournalOption = Annotated[
-    Path, typer.Option("--journal", metavar="FILE", help="The journal of a run, whole or torn.", show_default=False)
+    Path,
+    typer.Option(
+        "--journal",
+        metavar="FILE",
+        help="The journal of a run: over, going on, or killed.",
+        show_default=False,
+    ),
 ]
 At = Annotated[
     str | None,
     typer.Option(
         "--at",
         metavar="T",
-        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start.  "
+        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or where the clock shows the "
+        "time of day '2030-01-31 03:12:05', in UTC.  "
         "[default: the end, before observers stop]",
         show_default=False,
     ),
@@ -48,24 +56,40 @@ def why_command(
     format_: Annotated[WhyFormat, typer.Option("--format", help="How it is shown.")] = WhyFormat.TEXT,
 ) -> None:
     """Say why a variable was what it was. From its value to the evidence, or from unknown to what was missing."""
-    from codra_dsl.cli.journals import read_journal
-    from codra_dsl.runtime.journal.ledger import Ledger
-    from codra_dsl.runtime.why import explain
+    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    from codra_dsl.runtime.journal.past import Past
+    from codra_dsl.runtime.why.values import instant
 
     existing([journal])
-    head, events = read_journal(journal)
-    if variable not in head.outline.variables:
-        near = difflib.get_close_matches(variable, head.outline.variables, n=1)
-        hint = f": did you mean '{near[0]}'?" if near else ""
-        raise typer.BadParameter(f"the spec has no context-variable '{variable}'{hint}", param_hint="VARIABLE")
-    at_s = _instant_s(at, head, events)
-    events = _before_close(events) if at is None else events
+    with opened_journal(journal) as reader:
+        head = reader.head()
+        _check_variable(variable, head)
+        asked_s = None if at is None else _instant_s(at, head)
+        past = Past(reader, math.inf if asked_s is None else asked_s)
+        end_s = head.start_s if past.end_s is None else past.end_s
+        say_what_lacks(reader, end_s)
+        if asked_s is not None and not head.start_s <= asked_s <= end_s:
+            message = f"the journal holds {instant(head.start_s)} to {instant(end_s)}, not {instant(asked_s)}"
+            raise typer.BadParameter(message, param_hint="--at")
+        found = _explained(head, past, variable, end_s if asked_s is None else asked_s, journal)
+    write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))
+
+
+def _explained(head: Head, past: Past, variable: str, at_s: float, journal: Path) -> Why:
+    from codra_dsl.runtime.why import explain
+
     try:
-        found = explain(head.outline, lambda until_s: Ledger.of(events, until_s), variable, at_s)
+        return explain(head.outline, past.ledger, variable, at_s)
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
-    write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))
+
+
+def _check_variable(name: str, head: Head) -> None:
+    if name not in head.outline.variables:
+        near = difflib.get_close_matches(name, head.outline.variables, n=1)
+        hint = f": did you mean '{near[0]}'?" if near else ""
+        raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
 
 
 def _json(found: Why) -> str:
@@ -76,29 +100,36 @@ def _json(found: Why) -> str:
     return f"{json_text(dataclasses.asdict(found))}\n"
 
 
-def _before_close(events: tuple[Event, ...]) -> tuple[Event, ...]:
-    """Leave out that all observers stopped because the run ended."""
-    from codra_dsl.runtime.journal import Kind
+def _instant_s(text: str, head: Head) -> float:
+    """Return the instant that is asked about."""
+    if text.startswith("+"):
+        found_s = _seconds(text[1:].strip())
+        asked_s = None if found_s is None else head.start_s + found_s
+    else:
+        found_s = _seconds(text)
+        asked_s = _time_of_day_s(text) if found_s is None else found_s
+    if asked_s is None or not abs(asked_s) < math.inf:
+        ways = "'31.5', '+2 min', or '2030-01-31 03:12:05' in UTC"
+        raise typer.BadParameter(f"'{text}' is no instant such as {ways}", param_hint="--at")
+    return asked_s
 
-    ends = (number for number, event in enumerate(events) if event.kind is Kind.INPUT and event.what == "close")
-    return events[: next(ends, len(events))]
 
-
-def _instant_s(text: str | None, head: Head, events: tuple[Event, ...]) -> float:
-    """Return the instant that is asked about; without one, that of the last event."""
+def _seconds(text: str) -> float | None:
     from codra_dsl.units import parse_duration
 
-    end_s = events[-1].instant_s if events else head.start_s
-    if text is None:
-        return end_s
-    from_s, number = (head.start_s, text[1:].strip()) if text.startswith("+") else (0.0, text)
     try:
-        found_s: object = float(number)
+        return float(text)
     except ValueError:
-        found_s = parse_duration(number)
-    if not isinstance(found_s, float) or not abs(found_s) < float("inf"):
-        raise typer.BadParameter(f"'{text}' is no instant such as '31.5' or '+2 min'", param_hint="--at")
-    if not head.start_s <= from_s + found_s <= end_s:
-        message = f"the journal holds {head.start_s:g} s to {end_s:.3f} s, not {from_s + found_s:g} s"
-        raise typer.BadParameter(message, param_hint="--at")
-    return from_s + found_s
+        found = parse_duration(text)
+        return found if isinstance(found, float) else None
+
+
+def _time_of_day_s(text: str) -> float | None:
+    """Return the seconds from 1970 to a day and time, which is in UTC if it does not say otherwise."""
+    from datetime import UTC, datetime
+
+    try:
+        found = datetime.fromisoformat(text.removesuffix("UTC").strip())
+    except ValueError:
+        return None
+    return (found if found.tzinfo is not None else found.replace(tzinfo=UTC)).timestamp()

@@ -18,7 +18,7 @@ import math
 import threading
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from threading import get_ident
 from typing import TypeVar
 
@@ -349,11 +349,13 @@ class LockedClock(Clock):
 
     Attributes:
         steps: how many events have happened.
+        works: how many pieces of work have been started.
         is_late: called when an event happens at an instant of its own, because its time was over long before.
     """
 
     def __init__(self, clock: Clock, lock: threading.RLock) -> None:
         self.steps = 0
+        self.works = 0
         self.is_late: Callable[[], None] = _nothing
         self._clock = clock
         self._lock = lock
@@ -362,6 +364,7 @@ class LockedClock(Clock):
         self._depth = 0
         self._stepping: int | None = None
         self._instant_s = -math.inf
+        self._work: int | None = None
 
     def __enter__(self) -> None:
         self._lock.acquire()
@@ -404,12 +407,31 @@ class LockedClock(Clock):
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Start a piece of work whose outcome is delivered in a step."""
+        self.works += 1
+        number = self.works
+
+        def run_at_its_place(work: Work) -> Outcome:
+            if self._stepping != get_ident():
+                return run(work)  # in a thread of its own
+            outer, self._work = self._work, number
+            try:
+                return run(work)
+            finally:
+                self._work = outer
 
         def deliver_in_step(outcome: Outcome) -> None:
             with self:
                 deliver(outcome)
 
-        return self._clock.start(run, deliver_in_step)
+        return self._clock.start(run_at_its_place, deliver_in_step)
+
+    def place(self) -> Mapping[str, int]:
+        """Return the place of what happens now among all that happens: by it a replay finds where it belongs.
+
+        It is told how many events have happened and, in simulated time, the number of the piece of work whose function
+        runs within the present step.
+        """
+        return {"step": self.steps} if self._work is None else {"step": self.steps, "work": self._work}
 
     def _run_next(self) -> None:
         """Run the event that is first by now; it is on time unless much time has passed."""

@@ -99,7 +99,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._name = model.name
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
-        self._scribe = Scribe(self.record, self._clock, lambda: self._clock.steps)
+        self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
         self._store = Store(model.variables, self._clock, self._scribe, self._changed)

@@ -197,7 +197,12 @@ def test_another_precondition_is_found_at_the_first_look_that_would_not_have_bee
     done = codra("replay", "run.mcap", cwd=elsewhere)
 
     assert done.returncode == 1
-    assert "2 s: job look_at_door  [specs/door.yaml:10]" in done.stdout.splitlines()[0]
+    lines = done.stdout.splitlines()
+    assert lines[0].endswith(" 2 s: job look_at_door for door_open  [specs/door.yaml:10]")
+    assert lines[3] == (
+        "  the spec says otherwise: look_at_door, observable_when: light_level > 500 lux [specs/door.yaml:16], "
+        "where it ran with light_level > 20 lux [specs/door.yaml:16]"
+    )
     assert "no event in its place" in done.stdout
 
 

@@ -1,4 +1,4 @@
-"""Kills writers of journals and says what was lost: `python -m tests.kills TRIALS [SEED]`."""
+"""Kills writers of journals and says what was lost: `python -m tests.kills TRIALS SEED [ROBOTS]`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 from random import Random
 
+from tests.kills.robot_trial import robot_trial
 from tests.kills.trial import trial
 
 
@@ -28,5 +29,25 @@ def main(trials: int, seed: int) -> int:
     return 1 if wrong else 0
 
 
+def robots(trials: int, seed: int) -> int:
+    """Kill robots that run in processes of their own; return 1 if a journal lost more than the last second."""
+    chance, outcomes = Random(seed), []
+    for _ in range(trials):
+        with tempfile.TemporaryDirectory(prefix="codra-kills-") as folder:
+            outcomes.append(robot_trial(Path(folder), chance))
+    wrong = [mistake for each in outcomes for mistake in each.mistakes]
+    lived = [each.lived_s for each in outcomes]
+    print(f"{trials} robots killed, seed {seed}, after {min(lived):.2f} s to {max(lived):.2f} s")
+    print(f"{sum(each.messages for each in outcomes)} messages recovered")
+    print(f"lost at most: {max(each.lost_s for each in outcomes):.3f} s")
+    print(f"mistakes: {len(wrong)}")
+    for mistake in wrong[:20]:
+        print(f"  {mistake}")
+    return 1 if wrong or any(each.lost_s > 1.0 for each in outcomes) else 0
+
+
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1))
+    sys.exit(
+        main(int(sys.argv[1]), int(sys.argv[2]))
+        or robots(int(sys.argv[3]) if len(sys.argv) > 3 else 0, int(sys.argv[2]))
+    )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.opening import opened, unlock
 from codra_dsl.runtime.journal.record import KEPT, Record
 
 if TYPE_CHECKING:
@@ -36,20 +37,19 @@ class Journal(Record):
     takes_inputs = True
 
     def __init__(self, path: Path | str, limit: float = KEPT) -> None:
-        """Make the file; one that is there is replaced, but an unfinished journal is moved aside.
+        """Make the file; a finished journal that is there is replaced, and an unfinished one moved aside.
 
         Args:
             path: of the file.
             limit: how many events are kept in memory at least.
 
         Raises:
-            OSError: if the file cannot be made.
+            OSError: if the file cannot be made, or another file is there that is no journal.
         """
         super().__init__(limit)
         self.path = Path(path)
         self.failure: str | None = None
-        _move_unfinished_aside(self.path)
-        self._stream: BinaryIO = self.path.open("w+b")
+        self._stream: BinaryIO = opened(self.path)
         self._writer: JournalWriter | None = None
         self._finish: weakref.finalize[..., Journal] = weakref.finalize(self, self._stream.close)
 
@@ -70,7 +70,7 @@ class Journal(Record):
             self._fail(error)
             return
         self._finish.detach()
-        self._finish = weakref.finalize(self, _finish, self._stream, self._writer, os.getpid())
+        self._finish = weakref.finalize(self, _finish, self._stream, self._writer, self.path, os.getpid())
 
     def add(self, event: Event) -> None:
         """Add an event; when this returns, no death of the process takes it away."""
@@ -85,42 +85,30 @@ class Journal(Record):
     def end(self) -> None:
         """Finish the file; what happens later is in memory only."""
         self._writer = None
-        try:
-            self._finish()
-        except OSError as error:
-            self._fail(error)
+        self.failure = self._finish() or self.failure
 
     def _fail(self, error: Exception) -> None:
         """Write no more; what the file holds can be recovered."""
         self._writer = None
         self._finish.detach()
-        self.failure = f"{type(error).__name__}: {error}"
-        _LOGGER.error("the journal %s ends here: %s", self.path, self.failure)
+        self.failure = _told(self.path, error)
         with contextlib.suppress(OSError):
             self._stream.close()
 
 
-def _finish(stream: BinaryIO, writer: JournalWriter, writing_process: int) -> None:
-    """Finish a file, unless this process only inherited it."""
-    with stream:
-        if os.getpid() == writing_process:
-            writer.finish()
+def _finish(stream: BinaryIO, writer: JournalWriter, path: Path, writing_process: int) -> str | None:
+    """Finish a file, unless this process only inherited it; return why that cannot be done."""
+    try:
+        with stream:
+            if os.getpid() == writing_process:
+                writer.finish()
+                unlock(stream)
+    except OSError as error:
+        return _told(path, error)
+    return None
 
 
-def _move_unfinished_aside(path: Path) -> None:
-    """Keep a journal whose writer was killed: the same program may start anew with the same path."""
-    if not path.is_file() or path.stat().st_size == 0 or _is_finished(path):
-        return
-    numbers = range(1, 1_000_000)
-    free = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
-    path.rename(next(other for other in free if not other.exists()))
-
-
-def _is_finished(path: Path) -> bool:
-    """Return whether a file is no journal, or one with its end."""
-    magic = b"\x89MCAP0\r\n"
-    with path.open("rb") as stream:
-        if stream.read(len(magic)) != magic:
-            return True
-        stream.seek(-len(magic), 2)
-        return stream.read() == magic
+def _told(path: Path, error: Exception) -> str:
+    failure = f"{type(error).__name__}: {error}"
+    _LOGGER.error("the journal %s ends here: %s", path, failure)
+    return failure

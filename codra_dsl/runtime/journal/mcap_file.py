@@ -22,13 +22,14 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import Writer
 
+from codra_dsl.runtime.journal.opening import check_is_there
+
 OPEN_CHUNK = 0x80
 """The opcode of the record that holds the chunk which is not full yet."""
 
 CHUNK_BYTES = 1 << 16
 """How much is compressed together at most, and how large the region is."""
 
-MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
 _FRAME = struct.Struct("<IIQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -77,7 +78,11 @@ class McapFile:
         return number
 
     def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
-        """Write a message; when this returns, no death of the process takes it away."""
+        """Write a message; when this returns, no death of the process takes it away.
+
+        Raises:
+            OSError: if it cannot be written, or the file was removed.
+        """
         record = _MESSAGE.pack(Opcode.MESSAGE, _IN_MESSAGE + len(data), channel, sequence, log_ns, publish_ns) + data
         if not self._has_room(record) and self._messages:
             self._end_chunk()
@@ -86,10 +91,15 @@ class McapFile:
         self._keep(record)
 
     def finish(self) -> None:
-        """Write the summary, by which readers find their way, and leave nothing in the region."""
+        """Write the summary, by which readers find their way, and leave nothing in the region.
+
+        Raises:
+            OSError: if it cannot be written, or the file was removed.
+        """
         self._writer.finish()
         self._stream.flush()
         os.pwrite(self._stream.fileno(), bytes(CHUNK_BYTES), self._region)
+        check_is_there(self._stream)
 
     def _keep(self, record: bytes) -> None:
         """Put a record of the open chunk into the region; if it does not fit, end the chunk as soon as it can be."""
@@ -106,6 +116,7 @@ class McapFile:
         return self._used + _FRAME.size + len(record) <= CHUNK_BYTES
 
     def _end_chunk(self) -> None:
+        check_is_there(self._stream)
         self._writer.flush()
         self._chunk, self._used, self._messages = self._stream.tell(), 0, 0
 

@@ -8,15 +8,18 @@ not in a chunk yet.
 from __future__ import annotations
 
 import json
+import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Self
+from zlib import crc32
 
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import breakup_chunk
@@ -24,14 +27,16 @@ from mcap.stream_reader import breakup_chunk
 from codra_dsl.runtime.journal.encoding import event_of
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.head import FORMAT, FORMAT_VERSION, Head
-from codra_dsl.runtime.journal.mcap_file import MAGIC, OPEN_CHUNK, RECORD, kept_records
+from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, kept_records
+from codra_dsl.runtime.journal.opening import MAGIC, is_being_written
 from codra_dsl.runtime.journal.schemas import kind_of
 from codra_dsl.runtime.journal.writing import OUTLINE
-from codra_dsl.runtime.outline import outline_of
+from codra_dsl.runtime.outline_data import outline_of
 
 _READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
 _MOST_BYTES = 1 << 28
 """Of one record, or of one chunk when decompressed; ours have a thousandth of it."""
+_CHECKSUM_BYTES = 4
 
 
 class JournalError(Exception):
@@ -71,6 +76,8 @@ class JournalReader:
         metadata: what tools show of the file, by name.
         files: what it carries, by name.
         damage: what it lacks, known at its end.
+        place: of the chunk of the last message, from which its messages can be read again.
+        is_live: whether its program was still writing it when it was opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -84,8 +91,11 @@ class JournalReader:
         self.metadata: dict[str, dict[str, str]] = {}
         self.files: dict[str, bytes] = {}
         self.damage = Damage()
+        self.place = 0
+        if path.exists() and not path.is_file():
+            raise JournalError(f"{path} is no ordinary file")
         self._stream: BinaryIO = path.open("rb")
-        self._size = path.stat().st_size
+        self.is_live = is_being_written(self._stream)
         self._region: tuple[int, bytes] = (0, b"")
         self._region_is_old = False
         self._schemas: dict[int, Schema] = {}
@@ -122,14 +132,18 @@ class JournalReader:
 
     def events(self) -> Iterator[Event]:
         """Yield all events, in the order in which they happened."""
-        for note in self.notes():
-            kind = kind_of(note.channel.topic)
-            if kind is None:
-                continue
-            try:
-                yield event_of(kind, note.message.data)
-            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-                self.damage.unread.append(f"message {note.message.sequence}: {type(error).__name__}: {error}")
+        return (event for note in self.notes() if (event := self.event(note)) is not None)
+
+    def event(self, note: Note) -> Event | None:
+        """Return the event of a message; None if it is of none, or cannot be read."""
+        kind = kind_of(note.channel.topic)
+        if kind is None:
+            return None
+        try:
+            return event_of(kind, note.message.data)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            self.damage.unread.append(f"message {note.message.sequence}: {type(error).__name__}: {error}")
+            return None
 
     def notes(self) -> Iterator[Note]:
         """Yield all messages, in the order in which they were written."""
@@ -145,23 +159,48 @@ class JournalReader:
             last = message.sequence
             yield Note(schema, channel, message)
 
+    def notes_from(self, place: int) -> Iterator[Note]:
+        """Yield the messages from a place on that has been reached before; what is lacking is told anew."""
+        self._stream.seek(place)
+        self._next, self._has_ended, self._region_is_old, self.damage = None, False, False, Damage()
+        return self.notes()
+
+    def size(self) -> int:
+        """Return how many bytes there are by now; a file grows while a program writes it."""
+        return os.fstat(self._stream.fileno()).st_size
+
     # Within
 
     def _read_start(self) -> None:
-        if self._stream.read(len(MAGIC)) != MAGIC:
-            raise JournalError(f"{self.path} is no file of MCAP")
+        magic = self._stream.read(len(MAGIC))
+        if magic != MAGIC:
+            raise JournalError(f"{self.path} is {'no file of MCAP' if magic else 'empty: its run had not begun'}")
         for opcode, offset, content in self._records():
-            if opcode == OPEN_CHUNK:
-                self._region = kept_records(content)
-            elif opcode == Opcode.METADATA:
-                metadata = Metadata.read(_stream(content))
-                self.metadata[metadata.name] = metadata.metadata
-            elif opcode == Opcode.ATTACHMENT:
-                attachment = Attachment.read(_stream(content))
-                self.files[attachment.name] = attachment.data
-            else:
-                self._next = (opcode, offset, content)
+            if opcode not in (OPEN_CHUNK, Opcode.METADATA, Opcode.ATTACHMENT):
+                self.place, self._next = offset, (opcode, offset, content)
                 break
+            try:
+                self._take_start(opcode, content)
+            except (ValueError, EndOfFile, struct.error) as error:
+                message = f"{self.path} is damaged at byte {offset}, where it says what ran: "
+                raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
+
+    def _take_start(self, opcode: int, content: bytes) -> None:
+        """Take what stands before all messages.
+
+        The region is read before the chunks are: if a program writes the file meanwhile, all chunks before the one in
+        the region are there, and what is read is without a gap.
+        """
+        if opcode == OPEN_CHUNK:
+            self._region = kept_records(content)
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(_stream(content))
+            self.metadata[metadata.name] = metadata.metadata
+        else:
+            if int.from_bytes(content[-_CHECKSUM_BYTES:], "little") not in (0, crc32(content[:-_CHECKSUM_BYTES])):
+                raise ValueError("of an attachment, its checksum is another")
+            attachment = Attachment.read(_stream(content))
+            self.files[attachment.name] = attachment.data
 
     def _messages(self) -> Iterator[tuple[Message, bool]]:
         if self._next is not None:
@@ -169,6 +208,7 @@ class JournalReader:
         for record in self._records():
             yield from self._messages_of(*record)
         if not self._region_is_old:
+            self.place = max(self._region[0], self.place)
             yield from ((message, True) for message in self._taken(_split(self._region[1])))
 
     def _messages_of(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
@@ -182,6 +222,7 @@ class JournalReader:
         except Exception as error:  # noqa: BLE001 - whatever is wrong with it, the others can be read
             self.damage.unread.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
             return
+        self.place = offset
         if offset == self._region[0]:
             self._region_is_old = True
         yield from ((message, False) for message in self._taken(records))
@@ -203,7 +244,8 @@ class JournalReader:
             offset = self._stream.tell()
             head = self._stream.read(RECORD.size)
             opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
-            left = self._size - offset - RECORD.size
+            size = self.size()
+            left = size - offset - RECORD.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 self._stream.seek(-len(MAGIC), 2)
                 self.damage.is_torn = self._stream.read() != MAGIC
@@ -211,8 +253,8 @@ class JournalReader:
             elif opcode == 0 or length > left:
                 self.damage.is_torn = True
                 self._has_ended = True
-                if offset < self._size:
-                    self.damage.unread.append(f"the last {self._size - offset} bytes, from byte {offset} on")
+                if offset < size and not self.is_live:
+                    self.damage.unread.append(f"the last {size - offset} bytes, from byte {offset} on")
             elif opcode in _READ and length <= _MOST_BYTES:
                 yield opcode, offset, self._stream.read(length)
             else:

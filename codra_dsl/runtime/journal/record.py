@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from codra_dsl.runtime.clock import Clock
@@ -88,18 +88,20 @@ class Scribe:
         takes_inputs: whether the record wants to be told events of `Kind.INPUT`.
     """
 
-    def __init__(self, record: Record, clock: Clock, steps: Callable[[], int] = lambda: 0) -> None:
+    def __init__(
+        self, record: Record, clock: Clock, place: Callable[[], Mapping[str, object]] = lambda: {"step": 0}
+    ) -> None:
         """Write into a record.
 
         Args:
             record: takes the events.
             clock: tells when they happen.
-            steps: tells how many timed events of the context manager have happened, as the place of an input.
+            place: tells the place of an input among all that happens.
         """
         self.takes_inputs = record.takes_inputs
         self._record = record
         self._clock = clock
-        self._steps = steps
+        self._place = place
 
     def tell(self, kind: Kind, name: str, what: str, /, **details: object) -> None:
         """Add an event that happens now."""
@@ -108,4 +110,4 @@ class Scribe:
     def tell_input(self, name: str, what: str, /, **details: object) -> None:
         """Add that something reached the context manager from outside, if the record wants to know."""
         if self.takes_inputs:
-            self.tell(Kind.INPUT, name, what, step=self._steps(), **details)
+            self.tell(Kind.INPUT, name, what, **self._place(), **details)

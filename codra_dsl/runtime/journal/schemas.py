@@ -6,7 +6,9 @@ Each field has one type, and what is unknown is left out: viewers know neither u
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from codra_dsl.runtime.cell import Reason
@@ -14,76 +16,91 @@ from codra_dsl.runtime.journal.events import Kind
 from codra_dsl.runtime.outline import Outline, Place
 
 RUN_TOPIC = "/codra/run"
-TOPICS: Mapping[Kind, str] = {
-    Kind.VARIABLE: "/codra/context",
-    Kind.OBSERVER: "/codra/observer",
-    Kind.JOB: "/codra/perception",
-    Kind.DECISION: "/codra/decision",
-    Kind.DECLARATION: "/codra/declaration",
-    Kind.EXPECTATION: "/codra/expectation",
-    Kind.INPUT: "/codra/input",
-}
-"""Where the events of a kind go; below it each variable, observer and algorithm has a topic of its own."""
 
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
 Field = dict[str, Any]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """Where the events of a kind go, and what is told of them.
+
+    Attributes:
+        folder: below it each thing that events are about has a topic of its own, if they do not share this one.
+        schema: returns the name of the schema of the events about something, and the schema.
+        told: returns what tools show of the topic of something: units, label, place in the spec.
+        place: returns where something stands in the spec.
+    """
+
+    folder: str
+    schema: Callable[[str, Outline], tuple[str, Field]]
+    told: Callable[[str, Outline], Mapping[str, str]]
+    place: Callable[[str, Outline], Place | None]
+    is_shared: bool = False
+
+
 def topic_of(kind: Kind, name: str) -> str:
-    """Return the topic of events about something; inputs share one."""
-    return TOPICS[kind] if kind is Kind.INPUT else f"{TOPICS[kind]}/{name}"
+    """Return the topic of events about something."""
+    topic = TOPICS[kind]
+    return topic.folder if topic.is_shared else f"{topic.folder}/{name}"
 
 
+@lru_cache(maxsize=65_536)
 def kind_of(topic: str) -> Kind | None:
     """Return the kind of events on a topic; None if it holds none."""
-    return next((kind for kind, start in TOPICS.items() if topic == start or topic.startswith(f"{start}/")), None)
+    return next((kind for kind, each in TOPICS.items() if f"{topic}/".startswith(f"{each.folder}/")), None)
 
 
 def schema_of(kind: Kind, name: str, outline: Outline) -> tuple[str, Field]:
-    """Return the schema of the events about something, and its name."""
-    match kind:
-        case Kind.VARIABLE:
-            return _of_variable(outline.variables[name].type.kind)
-        case Kind.DECISION:
-            return _of_decision(outline.variables[name].type.kind)
-        case Kind.JOB:
-            return _of_job(name, outline)
-        case Kind.OBSERVER:
-            return _of_observer()
-        case Kind.DECLARATION:
-            return _of_declaration()
-        case Kind.EXPECTATION:
-            return _of_expectation(outline.variables[name].type.kind)
-        case Kind.INPUT:
-            return _of_input()
+    """Return the name of the schema of the events about something, and the schema."""
+    return TOPICS[kind].schema(name, outline)
 
 
 def about(kind: Kind, name: str, outline: Outline) -> dict[str, str]:
     """Return what tools show of the topic of something: units, label, place in the spec."""
-    match kind:
-        case Kind.VARIABLE | Kind.DECISION | Kind.DECLARATION | Kind.EXPECTATION:
-            variable = outline.variables[name]
-            told = {
-                "label": variable.label,
-                "unit": variable.type.unit or "",
-                "values": ", ".join(variable.type.members),
-                "valid_for_s": "" if variable.valid_for_s == math.inf else f"{variable.valid_for_s:g}",
-                "place": _place(outline.places.get(f"context/{name}")),
-            }
-        case Kind.JOB:
-            algorithm = outline.algorithms[name]
-            units = {f"unit of {key}": each.unit or "" for key, each in algorithm.returns.items()}
-            told = {"place": _place(algorithm.place), **units}
-        case Kind.OBSERVER:
-            told = {"place": _place(outline.observers[name].place)}
-        case Kind.INPUT:
-            told = {}
+    topic, place = TOPICS[kind], place_of(kind, name, outline)
+    told = {**topic.told(name, outline), "place": "" if place is None else str(place)}
     return {key: text for key, text in told.items() if text}
 
 
-def _place(place: Place | None) -> str:
-    return "" if place is None else str(place)
+def place_of(kind: Kind, name: str, outline: Outline) -> Place | None:
+    """Return where the spec says of what events are about."""
+    return TOPICS[kind].place(name, outline)
+
+
+def _about_variable(name: str, outline: Outline) -> Mapping[str, str]:
+    variable = outline.variables[name]
+    return {
+        "label": variable.label,
+        "unit": variable.type.unit or "",
+        "values": ", ".join(variable.type.members),
+        "valid_for_s": "" if variable.valid_for_s == math.inf else f"{variable.valid_for_s:g}",
+    }
+
+
+def _about_job(name: str, outline: Outline) -> Mapping[str, str]:
+    return {f"unit of {key}": each.unit or "" for key, each in outline.algorithms[name].returns.items()}
+
+
+def _about_nothing(_name: str, _outline: Outline) -> Mapping[str, str]:
+    return {}
+
+
+def _place_of_variable(name: str, outline: Outline) -> Place | None:
+    return outline.places.get(f"context/{name}")
+
+
+def _place_of_job(name: str, outline: Outline) -> Place | None:
+    return outline.algorithms[name].place if name in outline.algorithms else None
+
+
+def _place_of_observer(name: str, outline: Outline) -> Place | None:
+    return outline.observers[name].place if name in outline.observers else None
+
+
+def _nowhere(_name: str, _outline: Outline) -> Place | None:
+    return None
 
 
 def run_schema() -> tuple[str, Field]:
@@ -108,7 +125,8 @@ def run_schema() -> tuple[str, Field]:
     }
 
 
-def _of_variable(kind: str) -> tuple[str, Field]:
+def _of_variable(name: str, outline: Outline) -> tuple[str, Field]:
+    kind = outline.variables[name].type.kind
     return f"codra.Variable.{kind}", _event(
         "What became of a context-variable.",
         "The variable.",
@@ -127,7 +145,7 @@ def _of_variable(kind: str) -> tuple[str, Field]:
     )
 
 
-def _of_observer() -> tuple[str, Field]:
+def _of_observer(_name: str, _outline: Outline) -> tuple[str, Field]:
     return "codra.Observer", _event(
         "What became of an observer.",
         "The observer.",
@@ -166,7 +184,8 @@ def _of_job(name: str, outline: Outline) -> tuple[str, Field]:
     )
 
 
-def _of_decision(kind: str) -> tuple[str, Field]:
+def _of_decision(name: str, outline: Outline) -> tuple[str, Field]:
+    kind = outline.variables[name].type.kind
     return f"codra.Decision.{kind}", _event(
         "How a decision of the main execution was answered.",
         "The variable that it was about.",
@@ -187,7 +206,7 @@ def _of_decision(kind: str) -> tuple[str, Field]:
     )
 
 
-def _of_declaration() -> tuple[str, Field]:
+def _of_declaration(_name: str, _outline: Outline) -> tuple[str, Field]:
     return "codra.Declaration", _event(
         "That the main execution needs a variable, or does not any more.",
         "The variable.",
@@ -196,7 +215,8 @@ def _of_declaration() -> tuple[str, Field]:
     )
 
 
-def _of_expectation(kind: str) -> tuple[str, Field]:
+def _of_expectation(name: str, outline: Outline) -> tuple[str, Field]:
+    kind = outline.variables[name].type.kind
     return f"codra.Expectation.{kind}", _event(
         "What came of what a skill expects.",
         "The variable that it expects something of.",
@@ -215,7 +235,7 @@ def _of_expectation(kind: str) -> tuple[str, Field]:
     )
 
 
-def _of_input() -> tuple[str, Field]:
+def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
     return "codra.Input", _event(
         "What reached the context manager from outside. Replay starts from these and from what jobs returned.",
         "Who it came from: main_execution, an agent, an algorithm, or the clock.",
@@ -240,6 +260,7 @@ def _of_input() -> tuple[str, Field]:
             "late": "the next event happens now, long after its time",
         },
         step=_field("integer", "How many events of the clock had happened by then."),
+        work=_field("integer", "In simulated time, the number of the job, among all jobs, whose function asks this."),
         variable=_field("string", "The variable."),
         value=_field("string", "The value, as JSON."),
         evidence_s=_list("number", "When the evidence was taken: its end, or start and end."),
@@ -288,3 +309,19 @@ def _reason(description: str) -> Field:
 
 def _unit(unit: str | None) -> str:
     return f"In {unit}." if unit else "As the spec's `returns` declares it."
+
+
+TOPICS: Mapping[Kind, Topic] = {
+    Kind.VARIABLE: Topic(folder="/codra/context", schema=_of_variable, told=_about_variable, place=_place_of_variable),
+    Kind.OBSERVER: Topic(folder="/codra/observer", schema=_of_observer, told=_about_nothing, place=_place_of_observer),
+    Kind.JOB: Topic(folder="/codra/perception", schema=_of_job, told=_about_job, place=_place_of_job),
+    Kind.DECISION: Topic(folder="/codra/decision", schema=_of_decision, told=_about_variable, place=_place_of_variable),
+    Kind.DECLARATION: Topic(
+        folder="/codra/declaration", schema=_of_declaration, told=_about_variable, place=_place_of_variable
+    ),
+    Kind.EXPECTATION: Topic(
+        folder="/codra/expectation", schema=_of_expectation, told=_about_variable, place=_place_of_variable
+    ),
+    Kind.INPUT: Topic(folder="/codra/input", schema=_of_input, told=_about_nothing, place=_nowhere, is_shared=True),
+}
+"""Of each kind of event: who adds a kind adds its line here and its schema above."""

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
+import threading
 from typing import BinaryIO
 
 from codra_dsl.runtime.journal.encoding import json_text, message_of
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.head import FORMAT, Head
 from codra_dsl.runtime.journal.mcap_file import McapFile
-from codra_dsl.runtime.journal.schemas import RUN_TOPIC, Field, about, run_schema, schema_of, topic_of
-from codra_dsl.runtime.outline import Outline, plain_outline
+from codra_dsl.runtime.journal.schemas import RUN_TOPIC, TOPICS, Field, about, run_schema, schema_of, topic_of
+from codra_dsl.runtime.outline import Outline
+from codra_dsl.runtime.outline_data import plain_outline
 
 OUTLINE = "outline.json"
 
@@ -25,7 +28,11 @@ class TooManyTopicsError(OSError):
 
 
 class JournalWriter:
-    """Writes the events of one run."""
+    """Writes the events of one run.
+
+    It may be finished while another thread adds events, as when the program ends: what comes later is left out. So is
+    what a child of the program adds, since it has inherited the file but not the run.
+    """
 
     def __init__(self, stream: BinaryIO, head: Head) -> None:
         """Write what runs.
@@ -42,6 +49,9 @@ class JournalWriter:
         self._channels: dict[tuple[Kind, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._written = 0
+        self._process = os.getpid()
+        self._turn = threading.RLock()  # a handler of signals may call in the midst of a call
+        self._is_finished = False
         channel = self._file.channel(RUN_TOPIC, self._schema(*run_schema()), {})
         self._write(channel, json_text(plain).encode(), head.start_s, head.start_s)
 
@@ -51,18 +61,31 @@ class JournalWriter:
         Raises:
             OSError: if it cannot be written.
         """
+        if os.getpid() != self._process:
+            return
+        with self._turn:
+            if not self._is_finished:
+                self._add(event)
+
+    def finish(self) -> None:
+        """Write the file's end.
+
+        Raises:
+            OSError: if it cannot be written.
+        """
+        with self._turn:
+            self._is_finished = True
+            self._file.finish()
+
+    def _add(self, event: Event) -> None:
         kind, details = event.kind, event.details
-        key = (kind, "" if kind is Kind.INPUT else event.name)
+        key = (kind, "" if TOPICS[kind].is_shared else event.name)
         channel = self._channels.get(key)
         if channel is None:
             channel = self._channels[key] = self._open(kind, event.name)
         evidence_s = details.get("evidence_s") if kind in (Kind.VARIABLE, Kind.JOB) else None
         taken_s = evidence_s[-1] if isinstance(evidence_s, (list, tuple)) and evidence_s else evidence_s
         self._write(channel, message_of(event), event.instant_s, taken_s if isinstance(taken_s, float) else None)
-
-    def finish(self) -> None:
-        """Write the file's end."""
-        self._file.finish()
 
     def _open(self, kind: Kind, name: str) -> int:
         if len(self._channels) >= MOST_CHANNELS:

@@ -1,0 +1,184 @@
+"""Jobs and time in a replay: both go as the journal says, no function is called and nobody waits."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reason
+from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.model import Algorithm
+from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
+
+Key = tuple[str, int]
+"""An algorithm, and the number of one of its jobs."""
+
+
+class DivergedError(Exception):
+    """The replay has come to where the journal cannot be followed any more; a message says what it names in vain."""
+
+
+class _ReplayedWork(Work):
+    """The time of a job that is not done again: only what it told about its evidence is told anew."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.instant_s = 0.0
+
+    def now_s(self) -> float:
+        return self.instant_s
+
+    def sleep(self, duration_s: float) -> None:
+        raise AssertionError(f"no function is called that could sleep {duration_s} s")
+
+
+class ReplayedJobs:
+    """The jobs of a journal: what they told, and what they brought.
+
+    Attributes:
+        calls: makes again what the function of a job asked of the context manager, by the number of the piece of work.
+    """
+
+    def __init__(self, events: Iterable[Event]) -> None:
+        self.calls: Callable[[int], None] = _nothing
+        self._works = 0
+        self._diverged: DivergedError | None = None
+        self._told: dict[Key, list[tuple[float, Interval]]] = {}
+        self._outcomes: dict[Key, Event] = {}
+        self._unstarted: dict[Key, str] = {}
+        self._pending: dict[Key, Callable[[Any], None]] = {}
+        self._returns: dict[str, Sequence[str]] = {}
+        self._beginning: tuple[_ReplayedWork, Key | None] = (_ReplayedWork(), None)
+        for event in events:
+            self._take(event)
+
+    def _take(self, event: Event) -> None:
+        if "index" not in event.details:
+            return
+        key = (event.name, int(event.details["index"]))
+        match event.kind, event.what:
+            case Kind.INPUT, "evidence":
+                start_s, stamp_s = event.details["evidence_s"]
+                self._told.setdefault(key, []).append((event.details["told_s"], Interval(start_s, stamp_s)))
+            case Kind.INPUT, "unstarted":
+                self._unstarted[key] = event.details["message"]
+            case Kind.JOB, "returned" | "failed":
+                self._outcomes.setdefault(key, event)
+            case _:
+                pass
+
+    def find(self, algorithm: Algorithm) -> Function:
+        """Return what stands for the function of an algorithm."""
+        self._returns[algorithm.name] = tuple(algorithm.returns)
+
+        def play(*, job: Job, **_: object) -> Mapping[str, Value]:
+            work, _key = self._beginning
+            key = (algorithm.name, job.index)
+            for told_s, interval in self._told.get(key, ()):
+                work.instant_s = told_s
+                job.evidence(interval.start_s, told_s if interval.stamp_s is None else interval.stamp_s)
+            self._beginning = (work, key)
+            self._call()
+            return {}
+
+        return play
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Begin a job, which ends when the journal says so."""
+        work = _ReplayedWork()
+        self._works += 1
+        self._beginning = (work, None)
+        run(work)
+        key = self._beginning[1]
+        if self._diverged is not None:
+            raise self._diverged
+        if key is None:
+            raise DivergedError
+        if key in self._unstarted:
+            raise RuntimeError(self._unstarted[key])
+        self._pending[key] = deliver
+        return work
+
+    def _call(self) -> None:
+        """Make again what the present job asked; whatever is raised in a job stays there, so it is kept."""
+        try:
+            self.calls(self._works)
+        except DivergedError as error:
+            self._diverged = error
+
+    def deliver(self, key: Key) -> None:
+        """End a job with what it brought in the run."""
+        deliver = self._pending.pop(key, None)
+        if deliver is None:
+            raise DivergedError
+        deliver(self._outcome(key))
+
+    def _outcome(self, key: Key) -> Result | Failure:
+        event = self._outcomes.get(key)
+        if event is None or event.what == "failed":
+            message = "" if event is None else str(event.details.get("message", ""))
+            return Failure(Reason.FAILED, message)  # nobody waits any more for one of which nothing is told
+        values = event.details.get("values", {})
+        return Result({name: values.get(name) for name in self._returns[key[0]]})
+
+
+class ReplayedClock(Clock):
+    """Time that passes as a journal says. Only a context manager uses it."""
+
+    def __init__(self, start_s: float, jobs: ReplayedJobs) -> None:
+        self._now_s = start_s
+        self._jobs = jobs
+        self._events: list[tuple[float, int, Timer]] = []
+        self._scheduled = 0
+        self.steps = 0
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self._now_s
+
+    def advance(self, instant_s: float) -> None:
+        """Let it be an instant, or stay at a later one."""
+        self._now_s = max(self._now_s, instant_s)
+
+    def next_s(self) -> float:
+        """Return when the next event is due."""
+        return self._events[0][0] if self._events else math.inf
+
+    def step(self) -> None:
+        """Let the next event happen."""
+        if not self._events:
+            raise DivergedError
+        instant_s, _, timer = heapq.heappop(self._events)
+        self.advance(instant_s)
+        self.steps += 1
+        timer.fire()
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> Timer:
+        """Schedule an event."""
+        timer = Timer(instant_s, callback)
+        heapq.heappush(self._events, (instant_s, self._scheduled, timer))
+        self._scheduled += 1
+        return timer
+
+    def notify(self) -> None:
+        """Do nothing: nobody waits."""
+
+    def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
+        """Begin a job, which ends when the journal says so."""
+        return self._jobs.start(run, deliver)
+
+    def sleep(self, duration_s: float) -> None:
+        """Fail: nobody sleeps."""
+        raise AssertionError(f"nobody sleeps {duration_s} s in a replay")
+
+    def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Fail: nobody waits."""
+        raise AssertionError(f"nobody waits {timeout_s} s in a replay for {ready}")
+
+
+def _nothing(_number: int) -> None:
+    pass
