@@ -10,6 +10,7 @@ from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.question import Question, Step
 from codra_dsl.runtime.why import Why
 
 __all__ = [
@@ -25,11 +26,13 @@ __all__ = [
     "NotASourceError",
     "NotDeclaredError",
     "NotOfTypeError",
+    "Question",
     "Reading",
     "Reason",
     "Record",
     "SimClock",
     "Skill",
+    "Step",
     "UnknownNameError",
     "UnknownValueError",
     "WallClock",
