@@ -43,7 +43,7 @@ def at_once(manager: Manager, clock: SimClock, seen: bool | None, wait_s: float,
     shadow=st.booleans(),
 )
 def test_in_steps_or_at_once_a_decision_has_the_same_answer_and_the_same_record(
-    markers: int, declared: bool, before_s: float, seen: bool | None, wait_s: float, shadow: bool
+    *, markers: int, declared: bool, before_s: float, seen: bool | None, wait_s: float, shadow: bool
 ) -> None:
     results = []
     for decided in (in_steps, at_once):
