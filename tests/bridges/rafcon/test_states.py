@@ -292,3 +292,37 @@ def test_the_library_is_what_rafcon_saves(tmp_path: Path) -> None:
         save_state_machine_to_path(load_state_machine_from_path(str(folder)), str(tmp_path / folder.name), as_copy=True)
         for path in sorted(folder.iterdir()):
             assert (tmp_path / folder.name / path.name).read_bytes() == path.read_bytes()
+
+
+BEGIN = """from contextlib import ExitStack
+
+from codra_dsl.bridges.rafcon import Bridge
+from codra_dsl.runtime import ContextManager, Kind, WallClock
+from tests.runtime.door import MODEL, Door
+
+
+def execute(self, inputs, outputs, gvm):
+    stack = ExitStack()
+    clock = stack.enter_context(WallClock())
+    codra = stack.enter_context(ContextManager(MODEL, clock=clock, resources={"door": Door()}))
+    stack.enter_context(Bridge(codra, clock).attached(self.get_state_machine()))
+    codra.declare("open", value=True)
+    gvm.set_variable("at_the_end", stack, per_reference=True)
+    return "success"
+"""
+END = """def execute(self, inputs, outputs, gvm):
+    gvm.get_variable("at_the_end").close()
+    return "success"
+"""
+
+
+def test_a_state_can_attach_the_bridge_and_another_close_it_when_rafcon_itself_starts_the_machine() -> None:
+    begin, look, end = script("begin"), script("look", says=DECIDE), script("end")
+    begin.script_text, end.script_text = BEGIN, END
+    with machine_of(begin, look, end) as machine:
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+
+        assert machine.root_state.final_outcome.name == "success"
+        assert look.final_outcome.name == "true", "there is no robot, so it can only have been left out"
+        assert "run" not in vars(look)
