@@ -4,6 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+RAFCON := .venv-rafcon
+RAFCON_READY := $(RAFCON)/.ready
+RAFCON_PINS := codra_dsl/bridges/rafcon/requirements.txt
 
 # Python itself, and the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along.
 define PROBE
@@ -25,14 +28,19 @@ sys.exit(not (drawing and rendering))
 endef
 export PROBE
 
-.PHONY: demo test lint cases mutants fuzz kills whys crowd bench wheel clean prerequisites
+.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd bench wheel clean prerequisites
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
 
-test: lint
+# The machine-tending task as a state machine of RAFCON, with observers and without.
+rafcon: $(RAFCON_READY)
+	$(RAFCON)/bin/python -m examples.rafcon_lab --seeds 3
+
+test: lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(RAFCON)/bin/python -m pytest tests/bridges/rafcon
 
 lint: $(READY)
 	$(BIN)/ruff check
@@ -72,12 +80,21 @@ wheel: $(READY)
 	$(BIN)/python -m build --wheel --no-isolation
 
 clean:
-	rm -rf $(VENV) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(RAFCON) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml | prerequisites
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
+
+# RAFCON's core on top of what $(VENV) has: its other requirements draw its windows, and its pins are old.
+$(RAFCON_READY): $(RAFCON_PINS) $(READY)
+	$(PYTHON) -m venv --clear $(RAFCON)
+	$(RAFCON)/bin/python -m pip install --quiet --no-deps --requirement $(RAFCON_PINS) || \
+	    { echo 'RAFCON is not installed: pip reached no package registry that has it' >&2; exit 1; }
+	$(BIN)/python -c "import sysconfig; print('import site; site.addsitedir(%r)' % sysconfig.get_path('purelib'))" \
+	    >"$$($(RAFCON)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/codra.pth"
 	touch $@
 
 prerequisites:

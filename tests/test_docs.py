@@ -2,7 +2,7 @@
 
 The info string of a block says what it is: `yaml file=PATH` and `python file=PATH` are written to that file, `python`
 runs, `console` runs each line after `$ ` and shows exactly what it prints (`console exit=1` where it fails), `text` is
-for reading only.
+for reading only. What says `in=rafcon` runs in the environment that has RAFCON.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
 KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh"}
 
@@ -40,10 +41,17 @@ def blocks(page: Path) -> Iterator[Block]:
         yield Block(kind, dict(option.split("=", 1) for option in options), match["body"])
 
 
-def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def python_of(block: Block) -> Path:
+    """Return the Python that a block runs in."""
+    python = {"": Path(sys.executable), "rafcon": RAFCON_PYTHON}[block.options.get("in", "")]
+    assert python.exists(), f"{python} is not there: `make rafcon` sets it up"
+    return python
+
+
+def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -> subprocess.CompletedProcess[str]:
     """Run a command of a page in its folder."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NO_COLOR": "1", "COLUMNS": "120"}
-    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
+    environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
     environment.pop("GITHUB_ACTIONS", None)
     return subprocess.run(
         command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
@@ -54,7 +62,7 @@ def run_console(block: Block, folder: Path) -> None:
     """Run a block's commands and compare what they print."""
     for part in re.split(r"^\$ ", block.body, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
-        done = run(shlex.split(command), folder)
+        done = run(shlex.split(command), folder, python_of(block))
 
         assert done.stdout.strip() == expected.strip(), command
         assert done.returncode == int(block.options.get("exit", "0")), done.stdout
@@ -69,7 +77,8 @@ def follow(block: Block, folder: Path) -> None:
     elif block.kind == "console":
         run_console(block, folder)
     elif block.kind == "python":
-        done = run([sys.executable, "-W", "error", "-c", block.body], folder)
+        python = python_of(block)
+        done = run([str(python), "-W", "error", "-c", block.body], folder, python)
 
         assert done.returncode == 0, done.stdout
 

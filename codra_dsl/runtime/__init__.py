@@ -11,6 +11,7 @@ from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job, Spent
+from codra_dsl.runtime.question import Question, Step
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.why import Why
 
@@ -28,12 +29,14 @@ __all__ = [
     "NotDeclaredError",
     "NotOfTypeError",
     "Outcome",
+    "Question",
     "Reading",
     "Reason",
     "Record",
     "SimClock",
     "Skill",
     "Spent",
+    "Step",
     "Subscription",
     "UnknownNameError",
     "UnknownValueError",

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.logic import Term, Value, known
@@ -27,6 +28,7 @@ from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, Variabl
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
 from codra_dsl.runtime.perception import CallError, Function, Perception, Spent, imported
+from codra_dsl.runtime.question import Question
 from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
@@ -199,6 +201,10 @@ class ContextManager(Generic[VariableName, SkillName]):
     def modelled(self) -> tuple[str, ...]:
         """Return C_M, all variables of the spec (P1, Equation 3)."""
         return tuple(self._store.variables)
+
+    def skills(self) -> Mapping[str, SkillModel]:
+        """Return what the spec says of each skill, by name."""
+        return MappingProxyType(self._skills)
 
     def declared(self) -> frozenset[str]:
         """Return C_E(t), what the main execution declares now."""
@@ -381,6 +387,35 @@ class ContextManager(Generic[VariableName, SkillName]):
             flips_s = term.flips_s(Present(self._store.cells, self._clock.now_s()))
             self._clock.wait_until(lambda: self._holds(term), left_s if flips_s is None else min(flips_s, left_s))
         return True
+
+    def ask(
+        self,
+        name: VariableName,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> Question:
+        """Ask a decision step by step: `decide` for a main execution that may not wait inside one call.
+
+        Its arguments are those of `decide`; the main execution looks, if it must, between two steps.
+        """
+        model = self._model(name)
+        demand = Demand(
+            variable=name,
+            max_age_s=float(max_age_s),
+            since_s=float(since_s),
+            wait_up_to_s=float(wait_up_to_s),
+            shadow=shadow,
+        )
+        return Question(
+            self.inputs.ask(demand),
+            inputs=self.inputs,
+            clock=self._clock,
+            read=lambda: self._reading(name),
+            convert=model.type.convert,
+        )
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:

@@ -1,0 +1,6 @@
+def execute(self, inputs, outputs, gvm):
+    codra = gvm.get_variable("codra")
+    value = codra.decide(self, inputs["variable"], wait_up_to_s=inputs["wait_up_to_s"])
+    if value is None:
+        return "unknown"
+    return "true" if value == inputs["equals"] else "false"

@@ -1,0 +1,119 @@
+"""A decision asked step by step, by a main execution that may not wait inside one call: a tree between two ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from typing import Any
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.decisions import Decision
+from codra_dsl.runtime.inputs import Inputs
+from codra_dsl.runtime.model import NotOfTypeError
+
+
+class Step(StrEnum):
+    """How far a decision has come."""
+
+    WAITING = "waiting"
+    """For observers; `poll` again, or `wait`."""
+    ANSWERED = "answered"
+    """From context: `value` holds the answer."""
+    LOOKING = "looking"
+    """The main execution looks itself, then says what it `found`."""
+    DONE = "done"
+    """The main execution has said what it found."""
+
+
+class Question:
+    """One decision: answered from context, or by what the main execution finds (P1, section 3.3).
+
+    `ContextManager.ask` makes it. It is used by one thread at a time.
+
+    Attributes:
+        step: how far it has come.
+    """
+
+    def __init__(
+        self,
+        decision: Decision,
+        *,
+        inputs: Inputs,
+        clock: Clock,
+        read: Callable[[], Reading[Value]],
+        convert: Callable[[object], Value | None],
+    ) -> None:
+        """Go on with a decision that was asked just now.
+
+        Args:
+            decision: as `inputs.ask` returned it.
+            inputs: takes the further steps.
+            clock: measures how long it waits.
+            read: returns what is known of the variable now; takes no lock.
+            convert: makes what was found a value of the variable, or raises `NotOfTypeError`.
+        """
+        self._decision = decision
+        self._inputs = inputs
+        self._clock = clock
+        self._read = read
+        self._convert = convert
+        waits = not decision.met and decision.demand.wait_up_to_s > 0
+        self.step = Step.WAITING if waits else self._settled()
+
+    @property
+    def value(self) -> Any:
+        """Return the answer from context.
+
+        Raises:
+            RuntimeError: if context has not answered.
+        """
+        if self.step is not Step.ANSWERED:
+            raise RuntimeError(f"context has not answered {self._decision.demand.variable!r}: the step is {self.step}")
+        return self._decision.reading.content
+
+    def poll(self) -> Step:
+        """Go on, if context can answer by now or the time to wait is over; return the step reached."""
+        if self.step is Step.WAITING and (self._is_met() or self._left_s() <= 0):
+            self._inputs.resume(self._decision)
+            self.step = self._settled()
+        return self.step
+
+    def wait(self, longest_s: float) -> Step:
+        """Let time pass until the next step, for `longest_s` at most; return the step reached."""
+        if self.poll() is Step.WAITING:
+            self._clock.wait_until(self._is_met, min(longest_s, self._left_s()))
+        return self.poll()
+
+    def found(self, value: object) -> None:
+        """Say what the main execution found; None if it found nothing.
+
+        Raises:
+            NotOfTypeError: if it is no value of the variable.
+            RuntimeError: if nobody was to look.
+        """
+        if self.step is not Step.LOOKING:
+            raise RuntimeError(f"nobody was to look for {self._decision.demand.variable!r}: the step is {self.step}")
+        try:
+            content = None if value is None else self._convert(value)
+        except NotOfTypeError as error:
+            self.abandon(type(error).__name__)
+            raise
+        self.step = Step.DONE
+        self._inputs.conclude(self._decision, content)
+
+    def abandon(self, why: str) -> None:
+        """Give up waiting or looking, e.g. because something more urgent came; harmless when it is over."""
+        if self.step in (Step.WAITING, Step.LOOKING):
+            self.step = Step.DONE
+            self._inputs.conclude(self._decision, None, raised=why)
+
+    def _settled(self) -> Step:
+        return Step.ANSWERED if self._decision.is_answered else Step.LOOKING
+
+    def _is_met(self) -> bool:
+        return self._decision.demand.is_met(self._read(), self._clock.now_s())
+
+    def _left_s(self) -> float:
+        return self._decision.asked_s + self._decision.demand.wait_up_to_s - self._clock.now_s()

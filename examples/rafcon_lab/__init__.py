@@ -1,0 +1,1 @@
+"""Tending the laboratory's PCR-cycler by a state machine of RAFCON."""

@@ -1,0 +1,36 @@
+"""Runs the state machine with observers and without, and compares their journals.
+
+python -m examples.rafcon_lab --seeds 3
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from examples.rafcon_lab.comparison import Arm, table
+from examples.rafcon_lab.running import run
+
+
+def main() -> None:
+    """Run each seed in both arms and print what their journals say."""
+    parser = argparse.ArgumentParser(prog="python -m examples.rafcon_lab", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=1, help="how many runs of each arm, each with its own chance")
+    parser.add_argument("--journals", type=Path, help="the folder that keeps the journals")
+    arguments = parser.parse_args()
+    logging.getLogger("rafcon").setLevel(logging.ERROR)
+    with TemporaryDirectory() as forgotten:
+        folder = arguments.journals or Path(forgotten)
+        folder.mkdir(parents=True, exist_ok=True)
+        runs = []
+        for seed in range(1, arguments.seeds + 1):
+            for arm in Arm:
+                path = folder / f"seed-{seed}-{arm}-observers.mcap"
+                runs.append((seed, arm, run(arm, seed, path).outcome, path))
+        print(table(runs))
+
+
+if __name__ == "__main__":
+    main()

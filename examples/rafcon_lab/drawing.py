@@ -1,0 +1,223 @@
+"""Draws the state machine by RAFCON's own API and saves it: `python -m examples.rafcon_lab.drawing`.
+
+RAFCON's editor opens what it saves, `tend_pcr_cycler`, as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from rafcon.core.state_machine import StateMachine
+from rafcon.core.states.execution_state import ExecutionState
+from rafcon.core.states.hierarchy_state import HierarchyState
+from rafcon.core.states.library_state import LibraryState
+from rafcon.core.states.state import State
+from rafcon.core.storage.storage import save_state_machine_to_path
+
+from codra_dsl.bridges.rafcon import register
+
+FOLDER = Path(__file__).parent / "tend_pcr_cycler"
+MACHINE = "pcr_cycler"
+DONE, GAVE_UP = "success", "gave up"
+
+LOOK = '''def execute(self, inputs, outputs, gvm):
+    """Look as the robot did before there were observers: about 14 seconds a look."""
+    seen = gvm.get_variable("eyes").look_for(inputs["variable"])
+    return {True: "true", False: "false", None: "not seen"}[seen]
+'''
+ACT = """def execute(self, inputs, outputs, gvm):
+    getattr(gvm.get_variable("robot"), inputs["action"])(inputs["machine"])
+    return "success"
+"""
+DRIVE = """from codra_dsl.worlds.lab.robot import Station
+
+
+def execute(self, inputs, outputs, gvm):
+    gvm.get_variable("robot").drive_to(Station(inputs["station"]))
+    return "success"
+"""
+FEEL = """def execute(self, inputs, outputs, gvm):
+    outputs["localized"] = gvm.get_variable("robot").is_localized()
+    return "success"
+"""
+RELOCALIZE = """def execute(self, inputs, outputs, gvm):
+    gvm.get_variable("robot").relocalize()
+    return "success"
+"""
+
+Ways = Mapping[tuple[str, str], str]
+"""From (name of a state, its outcome) to the name of the next state, or `DONE` or `GAVE_UP`."""
+
+
+def script(
+    name: str, text: str, inputs: Mapping[str, str], codra: Mapping[str, object] | None = None
+) -> ExecutionState:
+    """Return a state with a script, and with what it says of context."""
+    state = ExecutionState(name, state_id=name.upper().replace(" ", "_").replace("?", "_ASKED"))
+    state.script_text = text
+    for number, (port, value) in enumerate(inputs.items()):
+        state.add_input_data_port(port, str, value, number)
+    if codra:
+        state.add_semantic_data([], dict(codra), "codra")
+    return state
+
+
+def look(name: str, variable: str, wait_up_to_s: str = "") -> ExecutionState:
+    """Return a state that looks for what a decision needs; it need not run when context knows."""
+    waits = {"wait_up_to_s": wait_up_to_s} if wait_up_to_s else {}
+    state = script(name, LOOK, {"variable": variable}, {"decide": variable, **waits})
+    state.outcomes[0].name = "not seen"
+    state.add_outcome("true", 1)
+    state.add_outcome("false", 2)
+    return state
+
+
+def act(name: str, action: str, skill: str, expect: str = "") -> ExecutionState:
+    """Return a state that moves a part of the machine."""
+    expecting = {"expect": expect} if expect else {}
+    return script(name, ACT, {"action": action, "machine": MACHINE}, {"acting": skill, **expecting})
+
+
+def hierarchy(
+    name: str, states: Sequence[State], ways: Ways, codra: Mapping[str, object] | None = None
+) -> HierarchyState:
+    """Return a state of states, which begins with the first; what aborts in it aborts it."""
+    whole = HierarchyState(name, state_id=name.upper().replace(" ", "_"))
+    whole.add_outcome(GAVE_UP, 1)
+    if codra:
+        whole.add_semantic_data([], dict(codra), "codra")
+    for state in states:
+        whole.add_state(state)
+    whole.set_start_state(states[0])
+    by_name = {state.name: state for state in states}
+    ends = {DONE: 0, GAVE_UP: 1}
+    for (begin, outcome), end in ways.items():
+        from_state = by_name[begin]
+        number = next(number for number, each in from_state.outcomes.items() if each.name == outcome)
+        if end in ends:
+            whole.add_transition(from_state.state_id, number, whole.state_id, ends[end])
+        else:
+            whole.add_transition(from_state.state_id, number, by_name[end].state_id, None)
+    return whole
+
+
+def knowing_where(name: str) -> HierarchyState:
+    """Return the states that tell context whether the robot knows where it stands, and look around if it does not."""
+    feel = script("Feel", FEEL, {})
+    feel.add_output_data_port("localized", bool, default_value=False, data_port_id=0)
+    tell = LibraryState("codra", "set", name="Tell", state_id="TELL")
+    tell.set_input_runtime_value(0, "robot_is_localized")
+    tell.set_use_input_runtime_value(0, True)
+    lost = look("Localized?", "robot_is_localized")
+    whole = hierarchy(
+        name,
+        [feel, tell, lost, script("Look around", RELOCALIZE, {})],
+        {
+            ("Feel", "success"): "Tell",
+            ("Tell", "success"): "Localized?",
+            ("Localized?", "true"): DONE,
+            ("Localized?", "false"): "Look around",
+            ("Localized?", "not seen"): GAVE_UP,
+            ("Look around", "success"): "Feel",
+        },
+    )
+    whole.add_data_flow(feel.state_id, 0, tell.state_id, 1)
+    return whole
+
+
+def skill(name: str, before: Sequence[tuple[State, str]], action: State, after: State, goal: str) -> HierarchyState:
+    """Return a skill: decisions before the action, the action, and a look at what came of it.
+
+    Args:
+        name: with the machine's name, that of the skill in the spec.
+        before: states that look, each with the outcome with which the skill goes on; the last of them may find that
+            there is nothing to do.
+        action: what acts.
+        after: looks whether the action came to its goal; if not, it is tried again.
+        goal: the outcome of `after` that says so.
+    """
+    states = [*(state for state, _ in before), action, after]
+    ways: dict[tuple[str, str], str] = {}
+    for number, (state, goes_on) in enumerate(before):
+        is_last = number == len(before) - 1
+        other = {"true": "false", "false": "true"}[goes_on]
+        ways[state.name, goes_on] = states[number + 1].name
+        ways[state.name, other] = DONE if is_last else GAVE_UP
+        ways[state.name, "not seen"] = GAVE_UP
+    ways[action.name, "success"] = after.name
+    ways[after.name, goal] = DONE
+    ways[after.name, {"true": "false", "false": "true"}[goal]] = action.name
+    ways[after.name, "not seen"] = GAVE_UP
+    return hierarchy(name, states, ways, {"skill": f"{name.lower()}_{MACHINE}"})
+
+
+def drawn() -> StateMachine:
+    """Return the whole: drive there, unlock, open, close and lock."""
+    distance, is_open, locked = (f"{MACHINE}_{what}" for what in ("in_manipulation_distance", "open", "locked"))
+
+    def near() -> tuple[State, str]:
+        return look("Near?", distance), "true"
+
+    drive = hierarchy(
+        "Drive",
+        [
+            knowing_where("Before"),
+            script("Go", DRIVE, {"station": MACHINE}, {"expect": f"unlock_{MACHINE}"}),
+            knowing_where("After"),
+        ],
+        {
+            ("Before", DONE): "Go",
+            ("Before", GAVE_UP): GAVE_UP,
+            ("Go", "success"): "After",
+            ("After", DONE): DONE,
+            ("After", GAVE_UP): GAVE_UP,
+        },
+        {"skill": f"drive_to_{MACHINE}"},
+    )
+    steps = [
+        drive,
+        skill(
+            "Unlock",
+            [near(), (look("Locked?", locked), "true")],
+            act("Turn lever", "unlock", f"unlock_{MACHINE}", expect=f"open_{MACHINE}"),
+            look("Still locked?", locked, "8"),
+            "false",
+        ),
+        skill(
+            "Open",
+            [near(), (look("Locked?", locked), "false"), (look("Open?", is_open), "false")],
+            act("Pull lid", "open_lid", f"open_{MACHINE}", expect=f"close_{MACHINE}"),
+            look("Now open?", is_open, "8"),
+            "true",
+        ),
+        skill(
+            "Close",
+            [near(), (look("Open?", is_open), "true")],
+            act("Lower lid", "close_lid", f"close_{MACHINE}", expect=f"lock_{MACHINE}"),
+            look("Still open?", is_open, "8"),
+            "false",
+        ),
+        skill(
+            "Lock",
+            [near(), (look("Open?", is_open), "false")],
+            act("Turn lever", "lock", f"lock_{MACHINE}"),
+            look("Now locked?", locked, "8"),
+            "true",
+        ),
+    ]
+    ways = {(step.name, GAVE_UP): GAVE_UP for step in steps}
+    ways |= {(step.name, DONE): after.name for step, after in pairwise(steps)}
+    ways[steps[-1].name, DONE] = DONE
+    return StateMachine(hierarchy("Tend", steps, ways), creation_time="2000-01-01 00:00:00")
+
+
+def main(folder: Path = FOLDER) -> None:
+    """Save the state machine."""
+    register()
+    save_state_machine_to_path(drawn(), str(folder), delete_old_state_machine=True)
+
+
+if __name__ == "__main__":
+    main()
