@@ -12,7 +12,7 @@ from codra_dsl.load.findings import Findings, listed
 from codra_dsl.load.nodes import ScalarNode, YamlNode
 from codra_dsl.load.origin import Subject
 from codra_dsl.load.reader import entries, is_unread
-from codra_dsl.load.shape import sound
+from codra_dsl.load.schema import sound
 from codra_dsl.load.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
 
 

@@ -12,7 +12,7 @@ from functools import cache
 
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.complaint import LOOK_AROUND, Complaint, Problem, end_of_line, line_start
-from codra_dsl.load.shape import schema
+from codra_dsl.load.schema import schema
 from codra_dsl.load.traps import Openings
 
 NO_KEY = "\ue000"
@@ -23,6 +23,7 @@ _KEY_AND_BRACKET = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME})[ \t]+(?P<val
 _KEY_AND_MORE = re.compile(
     rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}|\"[^\"]+\"|'[^']+')(?:[ \t]+(?P<value>[^\s:=<>!#].*))?$"
 )
+_KEY_AND_VALUE = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}):[^\s:/].*$")
 _WORDS = re.compile(rf"(?P<key>{_NAME})[ \t]+(?P<value>\S.*)", re.DOTALL)
 _NAME_BEFORE = re.compile(rf"(?P<key>{_NAME})[ \t]*$")
 _TWO_ENTRIES = re.compile(rf"(?:^|[{{,]|:[ \t])[ \t]*(?P<value>[^{{}},:]*?[^{{}},:\s])[ \t]+(?P<key>{_NAME})[ \t]*$")
@@ -95,8 +96,19 @@ def _colon_after_key(complaint: Complaint) -> Problem | None:
         return None
     if start >= line_start(text, at):
         return None
-    found = _KEY_AND_MORE.match(text, start, end_of_line(text, start))
+    end = end_of_line(text, start)
+    glued = _KEY_AND_VALUE.match(text, start, end)
+    if glued is not None:
+        return _missing_blank(text, *glued.span("key"), end)
+    found = _KEY_AND_MORE.match(text, start, end)
     return None if found is None else missing_colon(text, found.start("key"), found.end("key"))
+
+
+def _missing_blank(text: str, start: int, at: int, end: int) -> Problem:
+    """Return the problem that the value follows the ':' of a key without a blank."""
+    key = text[start : at + 1]
+    message, way_out = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
+    return _missing(" ", message, way_out, start=start, end=at + 1, at=at + 1)
 
 
 def _first_of_lines_without_colon(text: str, at: int) -> int:
@@ -207,6 +219,22 @@ def _unclosed(line: str) -> str:
     return "".join(reversed(opened)) if not quote else "!"
 
 
+def _closing_quote(complaint: Complaint) -> Problem | None:
+    """Recognise a quote that is not closed on its line, so that the next one closes it, far below."""
+    text, at = complaint.text, complaint.at
+    quote = text[at - 1 : at]
+    if quote not in ("'", '"') or complaint.in_brackets:
+        return None
+    start = text.rfind(quote, 0, at - 1)
+    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip():
+        return None
+    end = end_of_line(text, start)
+    message, way_out = "the quote that is opened here is not closed on its line", "close it with the same quote"
+    if _unclosed(text[line_start(text, start) : start]) or quote in text[start + 1 : end]:
+        return Problem("yaml-syntax", message, way_out, start, start + 1)
+    return _missing(quote, message, way_out, start=start, end=start + 1, at=end)
+
+
 def _key_before_colon(complaint: Complaint) -> Problem | None:
     """Recognise `{: bool}`, and a line that begins with ':'."""
     if complaint.letter != ":" or complaint.text[complaint.at + 1 : complaint.at + 2].strip():
@@ -218,6 +246,7 @@ def _key_before_colon(complaint: Complaint) -> Problem | None:
 
 
 MENDS: tuple[Callable[[Complaint], Problem | None], ...] = (
+    _closing_quote,
     _key_before_colon,
     _colon_before_bracket,
     _comma_between_entries,

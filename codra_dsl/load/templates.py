@@ -25,7 +25,8 @@ from codra_dsl.load.nodes import Letters, MappingNode, ScalarNode, SequenceNode,
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.parameters import MAX_PUT_RIGHT, PARAMETER, Meanings, put_right
 from codra_dsl.load.reader import entries, is_unread
-from codra_dsl.load.shape import explain, explain_outline, sound
+from codra_dsl.load.schema import sound
+from codra_dsl.load.shape import explain, explain_outline
 from codra_dsl.load.traps import Openings
 from codra_dsl.model import DeclaredTemplate, Literal, Reference
 from codra_dsl.model import Letters as PlacedLetters

@@ -16,7 +16,8 @@ from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.reader import entries
-from codra_dsl.load.shape import explain, sound
+from codra_dsl.load.schema import sound
+from codra_dsl.load.shape import explain
 from codra_dsl.load.templates import Template, declare, declared
 from codra_dsl.model import DeclaredTemplate, Use
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.load.shape import SCHEMA_FILE
+from codra_dsl.load.schema import SCHEMA_FILE
 from codra_dsl.starter import SCHEMA_PATH
 
 WRITTEN = {
