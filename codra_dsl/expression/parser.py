@@ -76,6 +76,7 @@ _OTHER_OPERATORS = {
     "over": "write '>'",
     "below": "write '<'",
     "under": "write '<'",
+    "then": "write A if CONDITION else B",
     "between": "write LOW <= x <= HIGH",
 }
 
@@ -307,7 +308,8 @@ class _Parser:
         if token.text == ",":
             way_out = "join conditions with 'and' or 'or', or make each an item of its own"
             return SlipError("',' is out of place", token.start, token.end, way_out)
-        way_out = _OTHER_OPERATORS.get(small, "join conditions with 'and' or 'or', compare values with '==' or '<'")
+        other = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
+        way_out = other or "join conditions with 'and' or 'or', compare values with '==' or '<'"
         if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
             way_out = f"remove it: {before.text} has the unit that it is declared with"
         return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, way_out)

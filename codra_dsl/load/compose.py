@@ -20,7 +20,14 @@ from codra_dsl.load.complaint import Problem
 from codra_dsl.load.draft import Draft
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.fixes import trap_fix
-from codra_dsl.load.mending import NO_KEY, colon_before_bracket, colon_between, missing_colon
+from codra_dsl.load.mending import (
+    NO_KEY,
+    colon_before_bracket,
+    colon_between,
+    colon_without_blank,
+    missing_blank,
+    missing_colon,
+)
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.scalars import SPECIAL_FIRST, resolve
 from codra_dsl.load.source import Source
@@ -208,8 +215,13 @@ class _Composer:
     def _suspect_value(self, node: ScalarNode) -> None:
         """Look at a value that is not there: perhaps it stands in its key."""
         key, mapping = self._key, self._current
-        plain = key is not None and key.style is Style.PLAIN and " " in key.text and not key.reported
+        plain = key is not None and key.style is Style.PLAIN and not key.reported
         if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
+            return
+        glued = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
+        if glued is not None:
+            raise _SlipError(missing_blank(self._text, key.start, key.start + glued, key.end))
+        if " " not in key.text:
             return
         at = colon_between(key.text)
         if at is None or "\n" in self._text[key.start : key.end]:

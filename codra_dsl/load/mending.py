@@ -99,12 +99,24 @@ def _colon_after_key(complaint: Complaint) -> Problem | None:
     end = end_of_line(text, start)
     glued = _KEY_AND_VALUE.match(text, start, end)
     if glued is not None:
-        return _missing_blank(text, *glued.span("key"), end)
+        return missing_blank(text, *glued.span("key"), end)
     found = _KEY_AND_MORE.match(text, start, end)
+    if found is not None and found["key"] in _NOT_A_VALUE:
+        message, way_out = (
+            f"{shown(found['key'])} begins no key",
+            "indent the line so that it goes on with the one above",
+        )
+        return Problem("yaml-syntax", message, way_out, *found.span("key"))
     return None if found is None else missing_colon(text, found.start("key"), found.end("key"))
 
 
-def _missing_blank(text: str, start: int, at: int, end: int) -> Problem:
+def colon_without_blank(key: str) -> int | None:
+    """Return where in a key, which nothing is the value of, the ':' is that lacks a blank."""
+    glued = _KEY_AND_VALUE.fullmatch(key)
+    return None if glued is None or not is_known_key(glued["key"]) else glued.end("key")
+
+
+def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
     """Return the problem that the value follows the ':' of a key without a blank."""
     key = text[start : at + 1]
     message, way_out = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
@@ -150,6 +162,11 @@ def _are_entries(before: str, value: str, key: str) -> bool:
         return True
     is_word = _VALUE_OF_ONE_WORD.fullmatch(value) is not None and value not in _NOT_A_VALUE
     return is_word and _FREE_TEXTS.search(before) is None
+
+
+def is_known_key(word: str) -> bool:
+    """Return whether the schema knows a key, wherever it may stand."""
+    return word in _known_keys()
 
 
 @cache
@@ -223,14 +240,15 @@ def _closing_quote(complaint: Complaint) -> Problem | None:
     """Recognise a quote that is not closed on its line, so that the next one closes it, far below."""
     text, at = complaint.text, complaint.at
     quote = text[at - 1 : at]
-    if quote not in ("'", '"') or complaint.in_brackets:
+    if quote not in ("'", '"'):
         return None
     start = text.rfind(quote, 0, at - 1)
-    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip():
+    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip(" \t\n[{"):
         return None
     end = end_of_line(text, start)
     message, way_out = "the quote that is opened here is not closed on its line", "close it with the same quote"
-    if _unclosed(text[line_start(text, start) : start]) or quote in text[start + 1 : end]:
+    before = text[line_start(text, start) : start]
+    if not before.strip() or _unclosed(before) or quote in text[start + 1 : end]:
         return Problem("yaml-syntax", message, way_out, start, start + 1)
     return _missing(quote, message, way_out, start=start, end=start + 1, at=end)
 

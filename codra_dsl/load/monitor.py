@@ -72,6 +72,8 @@ class _Entry:
     def _no_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
         near = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
+        if _COMPARED.match(verb):
+            near = f"stays {verb}"
         way_out = f"did you mean '{near}'?" if near else "write NAME, NAME becomes VALUE within D, or NAME stays VALUE"
         self._fail(f"{shown(verb)} is no expectation", way_out, *words.span("verb"))
 

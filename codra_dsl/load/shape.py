@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
 from codra_dsl.diagnostics import Fix, Place, is_slip, replacing, surely_means
@@ -20,6 +20,7 @@ from codra_dsl.load.traps import (
     read_as_literal,
     torn_at_comma,
     torn_condition,
+    torn_expectation,
     torn_number,
 )
 from codra_dsl.units import duration_help
@@ -176,8 +177,9 @@ class _Explanation:
         return f"{shown(path[-1])} in {self._holder(path[:-1])}"
 
     def _unknown(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
-        torn = self._torn(mapping)
         known = error.schema["properties"]
+        torn = self._torn(mapping)
+        torn |= self._report_lists(error.path, mapping, known.keys() | torn, known)
         free = {other: None for other in known if other not in mapping.entries}
         meant: dict[str, str | None] = {}
         for key, (key_node, _) in mapping.entries.items():
@@ -185,7 +187,6 @@ class _Explanation:
                 continue
             near = meant[key] = self._findings.nearest(key, free) or _written_out(key, free)
             allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
-            allowed = _without_brackets(mapping, key, known) or allowed
             fix = self._renaming(key_node, near, mapping.entries.keys() - known, free) if near else None
             free.pop(near or "", None)
             self._done.add((*error.path, near or key))
@@ -196,6 +197,20 @@ class _Explanation:
         if torn or None in meant.values():
             self.damaged.update([damaged_key(error.path)] if error.path else free)
         return meant
+
+    def _report_lists(
+        self, path: tuple[str | int, ...], mapping: MappingNode, told: Set[str], known: Mapping[str, Any]
+    ) -> set[str]:
+        """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
+        items: set[str] = set()
+        for owner, more in _lists_without_brackets(mapping, told, known):
+            value = mapping.entries[owner][1]
+            first = value.text if isinstance(value, ScalarNode) else ""
+            self._report_key(path, mapping.entries[more[0]][0], f"write '{owner}: [{', '.join((first, *more))}]'")
+            value.reported = True
+            self.damaged.add(damaged_key((*path, owner)))
+            items.update(more)
+        return items
 
     def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, way_out: str, fix: Fix | None = None) -> None:
         message = f"unknown key {shown(key.written)} in {self._holder(path)}"
@@ -329,7 +344,9 @@ class _Explanation:
             return read_as_literal(node.text, f"a {_kind(node.data)}", in_list=path[0] != "identifies")
         if written.startswith(("{", "[")):
             return None
-        return torn_condition(written) if isinstance(node, MappingNode) else read_as_list(written)
+        if isinstance(node, SequenceNode):
+            return read_as_list(written)
+        return torn_condition(written) if wanted == "condition" else torn_expectation(written)
 
     def _torn(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that a comma tore off a condition; report each tear once."""
@@ -368,21 +385,25 @@ def _written_out(key: str, candidates: Iterable[str]) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
-def _without_brackets(mapping: MappingNode, key: str, known: Mapping[str, Any]) -> str | None:
-    """Return the way out where a key without a value goes on with a list that lacks its brackets: `source: a, b`."""
-    before = list(mapping.entries)[: list(mapping.entries).index(key)]
-    owner = next((other for other in reversed(before) if other in known), None)
-    value = None if owner is None else mapping.value(owner)
-    if not mapping.flow or owner is None or not isinstance(value, ScalarNode) or mapping.data[key] is not None:
-        return None
-    several = ", ".join((value.text, *before[before.index(owner) + 1 :], key))
-    return f"write '{owner}: [{several}]'" if "a list of" in resolved(known[owner]).get("title", "") else None
+def _lists_without_brackets(
+    mapping: MappingNode, told: Set[str], known: Mapping[str, Any]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield keys whose values go on as keys without values, with those: `source: a, b` in braces."""
+    owner, more = "", list[str]()
+    for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
+        if key and key not in told and isinstance(value, ScalarNode) and value.data is None:
+            more.append(key)
+            continue
+        if more and "a list of" in resolved(known.get(owner, {})).get("title", ""):
+            yield owner, more
+        owner, more = key, []
 
 
 def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
     """Return the way out for a value of another form than is wanted, where it is plain what is meant."""
     if title == "a condition" and isinstance(node, SequenceNode):
-        return "make each an item of its own, or join them with 'and' or 'or'"
+        alone = isinstance(error.path[-1], str)
+        return f"{'write one' if alone else 'make each an item of its own'}, or join them with 'and' or 'or'"
     if title == "a type" and isinstance(node, SequenceNode):
         return f"write 'type: enum' and 'values: {_literal(error.data)}'"
     if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):

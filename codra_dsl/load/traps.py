@@ -11,6 +11,9 @@ from codra_dsl.expression.tokens import shown
 _KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
 
 
+_CHOICE = re.compile(r"(?P<condition>[^?:]+?)\s*\?\s*(?P<then>[^?:]+?)\s*:\s*(?P<otherwise>[^?:]+)")
+
+
 @dataclass(frozen=True, slots=True)
 class Trap:
     """What YAML made of a condition, and the cure.
@@ -73,7 +76,7 @@ def read_as_quoted(first: str, rest: str, whole: str) -> Trap:
     """Return the trap of a condition that begins with a quoted text and goes on after it."""
     message = f"YAML takes {shown(first)} for the whole value and cannot read {shown(rest)} after it"
     inner = whole[1:-1]
-    if whole[:1] == whole[-1:] and is_condition(inner):
+    if whole[:1] == whole[-1:] and not is_condition(whole):
         cure = quoted(inner)
         return Trap("read-as-quoted", message, f"use other quotes around it: {cure}", cure, _on_one_line(inner))
     return _quoting("read-as-quoted", message, whole, "all of it")
@@ -98,6 +101,8 @@ def read_as_list(written: str) -> Trap:
 def torn_at_comma(written: str) -> Trap:
     """Return the trap of a condition with a comma inside brackets or braces."""
     message = f"YAML tears {shown(written)} apart at its comma"
+    if written[:1] + written[-1:] == "()" and not is_condition(written):
+        return Trap("torn-at-comma", message, f"write [{written[1:-1]}]")
     return _quoting("torn-at-comma", message, written)
 
 
@@ -119,10 +124,24 @@ def torn_call(written: str) -> Trap:
     return Trap("torn-at-colon", message, f"write {''.join(written.split())}, without a blank")
 
 
+def torn_expectation(written: str) -> Trap:
+    """Return the trap of `door: open` under `monitor`."""
+    message = f"YAML reads {shown(written)} as a key and its value, not as an expectation"
+    return Trap("torn-at-colon", message, "write NAME, NAME becomes VALUE within D, or NAME stays VALUE")
+
+
+def torn_mapping(written: str) -> Trap:
+    """Return the trap of a mapping on one line without braces."""
+    message = f"YAML reads {shown(written)} as a key and its value, not as a mapping"
+    return Trap("torn-at-colon", message, f"put braces around it: {{{written}}}")
+
+
 def torn_condition(written: str) -> Trap:
-    """Return the trap of a condition with `: ` in it; `x: true` means `x == true`."""
-    pair = _KEY_AND_VALUE.fullmatch(written)
+    """Return the trap of a condition with `: ` in it: `x: true` for `x == true`, `c ? a : b` for `a if c else b`."""
+    pair, choice = _KEY_AND_VALUE.fullmatch(written), _CHOICE.fullmatch(written)
     cure = "" if pair is None else f"{pair['key']} == {pair['value']}"
+    if choice is not None:
+        cure = f"{choice['then']} if {choice['condition']} else {choice['otherwise']}"
     if not is_condition(cure):
         return torn_at_colon(written)
     message = f"YAML reads {shown(written)} as a key and its value, not as a condition"
