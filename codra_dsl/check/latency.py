@@ -21,10 +21,8 @@ from graphlib import TopologicalSorter
 from itertools import pairwise
 
 from codra_dsl import graph
-from codra_dsl.check.checked import CheckedSpec
-from codra_dsl.check.cycles import feedback
-from codra_dsl.check.scope import Scope
-from codra_dsl.model import Access, Algorithm, Spec
+from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
+from codra_dsl.model import Access, Spec
 
 MAX_STEPS = 100_000
 """Looks visited where slots are contended; beyond, the bound is the sum of all timeouts, which is never too small."""
@@ -37,22 +35,8 @@ _DIGITS = 9
 
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
     """Return the seconds from declared to known, at worst, for each variable that an algorithm identifies."""
-    looks = {
-        name: _look(each.algorithm, (variable for variable, _ in each.identifies), each.waits_for, each.needs)
-        for name, each in checked.algorithms.items()
-    }
+    looks = {name: _look(each) for name, each in checked.algorithms.items()}
     return _WorstCases(looks, checked.spec, checked.producers).of_variables()
-
-
-def worst_cases_in(scope: Scope) -> Mapping[str, float]:
-    """Return the same for a spec that is being checked; names that nothing identifies count as known."""
-    fed_back = feedback(scope)
-    looks: dict[str, _Look] = {}
-    for name, each in scope.algorithms.items():
-        needs = scope.needs[name]
-        waits_for = (need for need in needs if need not in fed_back.get(name, ()))
-        looks[name] = _look(each, (entry.variable.name for entry in each.identifies), waits_for, needs)
-    return _WorstCases(looks, scope.spec, scope.producers).of_variables()
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +55,13 @@ class _Look:
     slots: tuple[str, ...]
 
 
-def _look(algorithm: Algorithm, identifies: Iterable[str], waits_for: Iterable[str], needs: Iterable[str]) -> _Look:
-    slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
+def _look(checked: CheckedAlgorithm) -> _Look:
+    slots = (usage.resource.name for usage in checked.algorithm.uses if usage.access is Access.SLOT)
     return _Look(
-        identifies=tuple(dict.fromkeys(identifies)),
-        waits_for=tuple(dict.fromkeys(waits_for)),
-        needs=tuple(dict.fromkeys(needs)),
-        timeout_s=algorithm.timeout_s,
+        identifies=tuple(dict.fromkeys(variable for variable, _ in checked.identifies)),
+        waits_for=tuple(dict.fromkeys(checked.waits_for)),
+        needs=tuple(dict.fromkeys(checked.needs)),
+        timeout_s=checked.algorithm.timeout_s,
         slots=tuple(dict.fromkeys(slots)),
     )
 
