@@ -170,6 +170,7 @@ _OTHER_SPELLINGS: Mapping[str, str] = {
 }
 
 
+_FOREVER = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "infinite"})
 _OTHER_UNIT = re.compile(
     r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
 )
@@ -240,18 +241,28 @@ def parse_duration(text: str) -> float | None:
     return quantity.si if quantity is not None and quantity.unit.dimension == _SECOND else None
 
 
-def duration_help(text: str) -> str:
-    """Return the way out for a text that is no duration."""
+def duration_help(text: str, most: str = "finite") -> str:
+    """Return the way out for a text that is no duration; `most` is "finite", or "forever" where that is one, too."""
+    text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
+    if parse_quantity(text) is not None:
+        return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations(most)
     number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
     near = suggest_unit(number[2].rstrip()) if number else None
     unit = parse_unit(near) if near else None
     if number and unit and unit.dimension == _SECOND:
         return f"did you mean '{number[1]} {near}'?"
+    if number and unit and (unit.dimension * _SECOND) == ONE.dimension and float(number[1]) > 0:
+        return f"a duration is a time: did you mean '{1 / (float(number[1]) * float(unit.factor)):g} s'?"
     if number and not number[2]:
         return f"a duration has a unit: '{number[1]} s', '{number[1]} ms', '{number[1]} min' or '{number[1]} h'"
-    if text.strip().casefold() in ("forever", "inf", ".inf", "infinity", "never", "always", "infinite"):
+    if most == "forever" and text.strip().casefold() in _FOREVER:
         return "did you mean 'forever'?"
-    return "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"
+    return _durations(most)
+
+
+def _durations(most: str) -> str:
+    known = "a duration is a number with ms, s, min or h, such as '500 ms'"
+    return f"{known}, or 'forever'" if most == "forever" else known
 
 
 @lru_cache(maxsize=1024)

@@ -12,7 +12,7 @@ import jsonschema_rs
 import pytest
 
 from codra_dsl.expression import SyntaxProblem, parse
-from codra_dsl.load.shape import schema, sound
+from codra_dsl.load.schema import schema, sound
 from codra_dsl.units import UNITS, parse_duration, parse_unit
 
 ROOT = Path(__file__).parents[1]

@@ -199,13 +199,19 @@ def test_a_duration_is_a_quantity_of_time(text: str, seconds: float) -> None:
         ("2 Minutes", "did you mean '2 min'?"),
         ("infinity", "did you mean 'forever'?"),
         ("Forever", "did you mean 'forever'?"),
+        ("2,5 s", "did you mean '2.5 s'?"),
+        ("4 Hz", "a duration is a time: did you mean '0.25 s'?"),
         ("5 m", "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"),
         ("soon", "a duration is a number with ms, s, min or h, such as '500 ms', or 'forever'"),
     ],
 )
 def test_what_is_no_duration_is_told_how_to_become_one(text: str, help_text: str) -> None:
     assert parse_duration(text) is None
-    assert duration_help(text) == help_text
+    assert duration_help(text, "forever") == help_text
+
+
+def test_nobody_is_told_to_write_forever_where_a_time_must_end() -> None:
+    assert duration_help("never") == "a duration is a number with ms, s, min or h, such as '500 ms'"
 
 
 @given(st.text(max_size=60))

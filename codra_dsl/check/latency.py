@@ -23,10 +23,8 @@ from graphlib import TopologicalSorter
 from itertools import pairwise
 
 from codra_dsl import graph
-from codra_dsl.check.checked import CheckedSpec
-from codra_dsl.check.cycles import feedback
-from codra_dsl.check.scope import Scope
-from codra_dsl.model import DEFAULT_PERIOD_S, Access, Algorithm, Spec, needed_of
+from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
+from codra_dsl.model import DEFAULT_PERIOD_S, Access, Spec, needed_of
 
 MAX_STEPS = 100_000
 """Looks visited where slots are contended; beyond, the bound is the sum of all timeouts, which is never too small."""
@@ -39,22 +37,8 @@ _DIGITS = 9
 
 def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
     """Return the seconds from declared to known, at worst, for each variable that an algorithm identifies."""
-    looks = {
-        name: _look(checked.spec, each.algorithm, each.waits_for, each.needs)
-        for name, each in checked.algorithms.items()
-    }
+    looks = {name: _look(checked.spec, each) for name, each in checked.algorithms.items()}
     return _WorstCases(looks, checked.spec, checked.producers).of_variables()
-
-
-def worst_cases_in(scope: Scope) -> Mapping[str, float]:
-    """Return the same for a spec that is being checked; names that nothing identifies count as known."""
-    fed_back = feedback(scope)
-    looks: dict[str, _Look] = {}
-    for name, each in scope.algorithms.items():
-        needs = scope.needs[name]
-        waits_for = (need for need in needs if need not in fed_back.get(name, ()))
-        looks[name] = _look(scope.spec, each, waits_for, needs)
-    return _WorstCases(looks, scope.spec, scope.producers).of_variables()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +60,9 @@ class _Look:
     needed: int
 
 
-def _look(spec: Spec, algorithm: Algorithm, waits_for: Iterable[str], needs: Iterable[str]) -> _Look:
-    identifies = tuple(dict.fromkeys(entry.variable.name for entry in algorithm.identifies))
+def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
+    algorithm = checked.algorithm
+    identifies = tuple(dict.fromkeys(variable for variable, _ in checked.identifies))
     needed = max((needed_of(entry) for entry in algorithm.identifies), default=1)
     timeout_s = algorithm.timeout_s
     if needed > 1:
@@ -87,8 +72,8 @@ def _look(spec: Spec, algorithm: Algorithm, waits_for: Iterable[str], needs: Ite
     slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
     return _Look(
         identifies=identifies,
-        waits_for=tuple(dict.fromkeys(waits_for)),
-        needs=tuple(dict.fromkeys(needs)),
+        waits_for=tuple(dict.fromkeys(checked.waits_for)),
+        needs=tuple(dict.fromkeys(checked.needs)),
         timeout_s=timeout_s,
         slots=tuple(dict.fromkeys(slots)),
         needed=needed,

@@ -109,7 +109,8 @@ def _of_members(
 ) -> Iterator[Diagnostic]:
     if variable.type.kind is not Kind.ENUM:
         message = f"a mapping gives an enum its members, but '{variable.name}' is {_a(variable)}"
-        yield _wrong_form(algorithm, by.place, message, "state one condition", variable)
+        with_hysteresis = ", or {enter: ..., leave: ...}" if variable.type.kind is Kind.BOOL else ""
+        yield _wrong_form(algorithm, by.place, message, f"state one condition{with_hysteresis}", variable)
         return
     for member, _ in by.cases:
         if member.name not in variable.type.values:

@@ -3,23 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
 
-from codra_dsl.expression import (
-    And,
-    Arithmetic,
-    Call,
-    Choice,
-    Compare,
-    In,
-    Name,
-    Negative,
-    Node,
-    Not,
-    Or,
-    names_in,
-)
+from codra_dsl.expression import Name, Node, names_in
 from codra_dsl.model import (
     Agent,
     Algorithm,
@@ -188,27 +175,13 @@ def _condition(condition: Condition, names: Names) -> Condition:
 
 def _renamed(node: Node, names: Names) -> Node:
     """Return a syntax tree with other names; its parts stand where they stood."""
-    match node:
-        case Name(name=name):
-            return replace(node, name=names.get(name, name))
-        case And(operands=operands) | Or(operands=operands):
-            return replace(node, operands=_all_renamed(operands, names))
-        case Not(operand=operand) | Negative(operand=operand):
-            return replace(node, operand=_renamed(operand, names))
-        case Compare(first=first, rest=rest):
-            renamed = tuple((operator, _renamed(operand, names)) for operator, operand in rest)
-            return replace(node, first=_renamed(first, names), rest=renamed)
-        case In(item=item, options=options):
-            return replace(node, item=_renamed(item, names), options=_all_renamed(options, names))
-        case Arithmetic(left=left, right=right):
-            return replace(node, left=_renamed(left, names), right=_renamed(right, names))
-        case Choice(then=then, condition=condition, otherwise=otherwise):
-            then, condition, otherwise = _all_renamed((then, condition, otherwise), names)
-            return replace(node, then=then, condition=condition, otherwise=otherwise)
-        case Call(arguments=arguments):
-            return replace(node, arguments=_all_renamed(arguments, names))
-    return node
+    if isinstance(node, Name):
+        return replace(node, name=names.get(node.name, node.name))
+    return replace(node, **{each.name: _all_renamed(getattr(node, each.name), names) for each in fields(node)})
 
 
-def _all_renamed(nodes: Iterable[Node], names: Names) -> tuple[Node, ...]:
-    return tuple(_renamed(node, names) for node in nodes)
+def _all_renamed(value: Any, names: Names) -> Any:
+    """Return what a part of a syntax tree holds, with other names in the trees that it holds."""
+    if isinstance(value, tuple):
+        return tuple(_all_renamed(each, names) for each in value)
+    return _renamed(value, names) if isinstance(value, Node) else value

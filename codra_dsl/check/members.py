@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 from codra_dsl.check.conditions import Result, Role, Site
 from codra_dsl.check.meant import Owner
+from codra_dsl.check.outcomes import links
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAX_SUGGESTIONS, USERS, Scope
 from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, replacing, suggest
-from codra_dsl.expression import Choice, Compare, In, Name, Node, Text, walk
+from codra_dsl.expression import Choice, Name, Node, Text, walk
 from codra_dsl.load.misspelt import misspelt_declarations
 from codra_dsl.model import Kind, Members, ValueType
 
@@ -145,7 +145,7 @@ def _in_condition(scope: Scope, site: Site) -> Iterator[tuple[Key, str, Node]]:
     assert tree is not None
     returned = site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES)
     owner: Owner = (site.owner[1],) if returned else "context"
-    for one, other in _compared(tree):
+    for one, other in ((one, other) for node in walk(tree) for _, one, other in links(node)):
         for named, value in ((one, other), (other, one)):
             if isinstance(named, Name):
                 yield from (
@@ -167,15 +167,6 @@ def _handed_on(scope: Scope, site: Site, returned: Key, leaf: Name) -> Iterator[
     if variable is not None and declared is not None and declared.type.kind is variable.type.kind is Kind.ENUM:
         yield from ((("context", variable.name), member, leaf) for member in declared.type.values)
         yield from ((returned, member, leaf) for member in variable.type.values)
-
-
-def _compared(tree: Node) -> Iterator[tuple[Node, Node]]:
-    """Yield what a condition compares, in pairs."""
-    for node in walk(tree):
-        if isinstance(node, Compare):
-            yield from pairwise((node.first, *(operand for _, operand in node.rest)))
-        elif isinstance(node, In):
-            yield from ((node.item, option) for option in node.options)
 
 
 def _leaves(node: Node) -> Iterator[Node]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from itertools import chain
 
-from codra_dsl.check.conditions import Role, Site
-from codra_dsl.check.fixes import quoting, renaming, truth
+from codra_dsl.check.conditions import Role
+from codra_dsl.check.fixes import renaming
+from codra_dsl.check.literals import Literal, literal_compared, literal_meant
 from codra_dsl.check.mentions import (
     Mention,
     mentions_in_preconditions,
@@ -21,15 +22,18 @@ from codra_dsl.check.mentions import (
 from codra_dsl.check.misspelt import blame, blamed
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAIN_EXECUTION, NOUNS, OBSERVER, Faults, Scope
-from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related
-from codra_dsl.model import Access, Agent, Algorithm, Condition, Kind, Resource, Variable
+from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, is_slip
+from codra_dsl.load.names import is_identifier
+from codra_dsl.load.templates import INSTANCE
+from codra_dsl.model import Access, Agent, Algorithm, Resource, Variable
 
 _UNKNOWN = {
     "context": ("unknown-variable", "context-variable"),
     "resources": ("unknown-resource", "resource"),
     "agents": ("unknown-source", "source"),
 }
-_WORDS_FOR_TRUTH = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+_SOURCES = {"agents": (OBSERVER, MAIN_EXECUTION)}
+_WORD = re.compile(r"\w+")
 
 
 def unknown_variables(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
@@ -124,9 +128,11 @@ def _misspelt(
     left = [group for group in groups if group[0].name not in found]
     candidates = known or scope.names(section)
     unknown_names = [group[0].name for group in left if group[0].name in told]
-    lonely = {name for name in unknown_names if not scope.nearest(name, section, candidates)}
-    is_known = len(lonely) <= scope.nameless(section)
-    return [group for group in left if not (is_known and group[0].name in lonely)]
+    nameless = scope.nameless(section)
+    near = ((name, scope.nearest(name, section, candidates)) for name in unknown_names)
+    lonely = {name for name, meant in near if meant is None or (nameless and not is_slip(name, meant))}
+    written = {group[0].place.span for group in left if group[0].name in lonely}
+    return left if len(written) > nameless else [group for group in left if group[0].name not in lonely]
 
 
 def _places(declared: Mapping[str, Variable] | Mapping[str, Resource] | Mapping[str, Agent]) -> dict[str, Place]:
@@ -138,8 +144,8 @@ def _is_returned(scope: Scope, mention: Mention) -> bool:
     return mention.site is not None and mention.name in scope.returned_types[mention.site.owner[1]]
 
 
-def _meant_literal(scope: Scope, mention: Mention) -> _Literal | None:
-    return None if mention.site is None else _literal(scope, mention.site, mention.name)
+def _meant_literal(scope: Scope, mention: Mention) -> Literal | None:
+    return None if mention.site is None else literal_meant(scope, mention.site, mention.name)
 
 
 def _is_something_else(scope: Scope, mention: Mention) -> bool:
@@ -155,7 +161,8 @@ def names_in_expectations(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
             for mention in mentions_of(site, site.values):
                 if mention.name != site.variable:
                     message = f"'{mention.name}' is no value that {mention.user} can expect of '{site.variable}'"
-                    way_out = _literal(scope, site, mention.name) or _Literal("state a literal")
+                    meant = literal_compared(scope, mention) or "state a literal"
+                    way_out = literal_meant(scope, site, mention.name) or Literal(meant)
                     yield _told("name-out-of-sight", message, way_out.help, mention, (), fix=way_out.fix((mention,)))
 
 
@@ -209,7 +216,7 @@ def _not_declared(
     first: Mention,
     others: list[Mention],
     *,
-    literal: _Literal | None = None,
+    literal: Literal | None = None,
     known: frozenset[str] | None = None,
 ) -> Diagnostic:
     """Return the finding about a name that a section does not declare; `known` are the names that it might mean."""
@@ -223,10 +230,11 @@ def _not_declared(
         return _told(rule, message, literal.help, first, others, fix=literal.fix((first, *others)))
     candidates = scope.names(section) if known is None else known
     near = scope.nearest(first.name, section, candidates)
-    if near is not None:
+    if near is not None and is_slip(first.name, near):
         scope.meant_names.use(section, first.name, near)
     fix = _renaming(scope, first, others, near, candidates)
-    return _told(rule, message, f"did you mean '{near}'?" if near else _declare(first, section), first, others, fix=fix)
+    way_out = f"did you mean '{near}'?" if near else _declare(scope, first, section)
+    return _told(rule, message, way_out, first, others, fix=fix)
 
 
 def _renaming(
@@ -238,10 +246,35 @@ def _renaming(
     return renaming(first.name, near, candidates, [each.place for each in (first, *others)], known)
 
 
-def _declare(mention: Mention, section: str) -> str:
+def _declare(scope: Scope, mention: Mention, section: str) -> str:
+    """Return the way out where a name means none that is declared."""
+    meant = _parameter_meant(scope, mention) or literal_compared(scope, mention)
+    if meant is not None:
+        return meant
+    if not is_identifier(mention.name):
+        return _apart(scope, mention, section)
     if section == "agents":
         return "write 'observer', 'main_execution', or declare it under 'agents'"
     return f"declare '{mention.name}' under '{section}'"
+
+
+def _apart(scope: Scope, mention: Mention, section: str) -> str:
+    """Return the way out where what should be a name is none: several without ',', or one with more beside it."""
+    words = _WORD.findall(mention.name)
+    known = [word for word in words if word in scope.names(section) or word in _SOURCES.get(section, ())]
+    if len(known) == len(words) > 1:
+        return f"make each an item of a list: [{', '.join(known)}]"
+    return f"write only '{known[0]}'" if len(known) == 1 else "write a name: letters A to Z, digits and '_'"
+
+
+def _parameter_meant(scope: Scope, mention: Mention) -> str | None:
+    """Return the parameter that is meant by a name in a template which is, or begins with, the name of one."""
+    if mention.place.use is None:
+        return None
+    names = {parameter.name for template in scope.spec.templates for parameter in template.parameters} | {INSTANCE}
+    begun = [name for name in names if f"{mention.name}_".startswith(f"{name}_")]
+    meant = max(begun, key=len, default="")
+    return f"write {mention.name.replace(meant, f'$({meant})', 1)}" if meant else None
 
 
 def _not_returned(scope: Scope, algorithm: str, first: Mention, others: list[Mention]) -> Diagnostic:
@@ -253,7 +286,7 @@ def _not_returned(scope: Scope, algorithm: str, first: Mention, others: list[Men
         way_out = moved if key is Role.ACCEPT_WHEN else f"{moved}, or hand it to the algorithm with 'given'"
         return _told("name-out-of-sight", message, way_out, first, others)
     kind = scope.other_kind(first.name, "context")
-    literal = _literal(scope, first.site, first.name)
+    literal = literal_meant(scope, first.site, first.name)
     if kind is not None and literal is None:
         message = f"'{first.name}' in '{key}' of {first.user} is {kind}, not what the algorithm returns"
         return _told("wrong-kind-of-name", message, "name a returned value here", first, others)
@@ -262,40 +295,11 @@ def _not_returned(scope: Scope, algorithm: str, first: Mention, others: list[Men
         fix = literal.fix((first, *others))
         return _told("unknown-returned-value", message, literal.help, first, others, fix=fix)
     near = scope.nearest(first.name, f"returned by {algorithm}", returned)
-    if near is not None:
+    if near is not None and is_slip(first.name, near):
         scope.meant_names.use((algorithm,), first.name, near)
-    listed = f"did you mean '{near}'?" if near else f"declare '{first.name}' under 'returns'"
+    way_out = f"did you mean '{near}'?" if near else _declare(scope, first, "returns")
     fix = _renaming(scope, first, others, near, returned)
-    return _told("unknown-returned-value", message, listed, first, others, fix=fix)
-
-
-@dataclass(frozen=True, slots=True)
-class _Literal:
-    """The way out where a name is meant as a literal. `truth` is what it means where that is true or false."""
-
-    help: str
-    truth: str = ""
-    condition: Condition | None = None
-
-    def fix(self, mentions: Sequence[Mention]) -> Fix | None:
-        """Return the fix of all mentions of the name."""
-        name = mentions[0].name
-        if self.truth:
-            return truth(name, self.truth, [mention.place for mention in mentions])
-        alone = self.condition is not None and len(mentions) == 1
-        return quoting(name, mentions[0].place, self.condition) if alone and self.condition else None
-
-
-def _literal(scope: Scope, site: Site, name: str) -> _Literal | None:
-    """Return the way out where a name is meant as a literal: a member without quotes, or `yes`."""
-    if name.casefold() in _WORDS_FOR_TRUTH:
-        meant = _WORDS_FOR_TRUTH[name.casefold()]
-        return _Literal(f"write '{meant}'", meant)
-    seen = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
-    types = [seen.get(each.name) or scope.context_types.get(each.name) for each in site.names]
-    members = [each.values for each in (*types, scope.wanted(site)) if each is not None and each.kind is Kind.ENUM]
-    is_member = any(name in each for each in members)
-    return _Literal(f'members stand in quotes: "{name}"', condition=site.condition) if is_member else None
+    return _told("unknown-returned-value", message, way_out, first, others, fix=fix)
 
 
 def _told(

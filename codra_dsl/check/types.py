@@ -188,10 +188,14 @@ def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator
 
 def _cure(given: Type, wanted: Type) -> str:
     if wanted.kind is Kind.BOOL:
-        return "compare the value, e.g. with '==' or '<'"
+        return f"compare the value, e.g. with {_comparisons(given)}"
     if wanted.kind is Kind.ENUM:
         return f"map its members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
     return f"give {wanted}, or change its type to {given.kind}"
+
+
+def _comparisons(given: Type) -> str:
+    return "'==' or '<'" if given.numeric else "'=='"
 
 
 class _Inference:
@@ -237,28 +241,28 @@ class _Inference:
     def _truth(self, node: Truth) -> Typed:
         return Typed(node, Type(Kind.BOOL, fixed=True))
 
-    def condition(self, node: Node) -> Typed:
-        """Return a part that must be a condition."""
+    def condition(self, node: Node, before: Node | None = None) -> Typed:
+        """Return a part that must be a condition; `before` is the condition that it is joined to."""
         typed = self.infer(node)
-        self._require_condition(typed)
-        return typed
-
-    def _require_condition(self, typed: Typed) -> None:
-        """Report a value that is neither true nor false where a condition is needed."""
         if typed.type is None or typed.type.kind is Kind.BOOL:
-            return
-        if isinstance(typed.node, Text) and self._types.get(typed.node.value, BOOL) == BOOL:
+            return typed
+        if isinstance(typed.node, Text) and typed.node.value in self._types:
             way_out = "names stand without quotes"
+        elif typed.type.fixed and isinstance(before, Compare):
+            compared, operator = to_text(before.first), before.rest[0][0]
+            way_out = f"repeat what is compared: {compared} {operator} {to_text(typed.node)}"
         else:
-            way_out = "compare it, e.g. with '==' or '<'"
+            way_out = f"compare it, e.g. with {_comparisons(typed.type)}"
         shown = to_text(typed.node)
         self._report("not-a-condition", typed, f"{shown} is {typed.type}, not true or false", way_out)
+        return typed
 
     def _not(self, node: Not) -> Typed:
         return Typed(node, BOOL, (self.condition(node.operand),))
 
     def _and_or(self, node: And | Or) -> Typed:
-        return Typed(node, BOOL, tuple(self.condition(operand) for operand in node.operands))
+        joined = zip(node.operands, (None, *node.operands), strict=False)
+        return Typed(node, BOOL, tuple(self.condition(operand, before) for operand, before in joined))
 
     def _quantity(self, node: Node) -> Typed:
         """Return a part that must be a number."""

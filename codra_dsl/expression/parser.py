@@ -40,6 +40,7 @@ from codra_dsl.expression.tree import (
     Truth,
     parts,
 )
+from codra_dsl.units import parse_unit
 
 MAX_DEPTH = 64
 """Conditions nested more deeply are refused."""
@@ -66,6 +67,17 @@ _OTHER_FUNCTIONS = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
+}
+
+
+_OTHER_OPERATORS = {
+    "equals": "write '=='",
+    "above": "write '>'",
+    "over": "write '>'",
+    "below": "write '<'",
+    "under": "write '<'",
+    "then": "write A if CONDITION else B",
+    "between": "write LOW <= x <= HIGH",
 }
 
 
@@ -247,6 +259,8 @@ class _Parser:
             if self._ended():
                 break
             found.append(self.expression(Power.CHOICE))
+            if self._next.kind in (TokenKind.NAME, TokenKind.NUMBER, TokenKind.TEXT):
+                raise self._missing_comma()
             if self._next.text != ",":
                 break
             self._take()
@@ -287,14 +301,23 @@ class _Parser:
             return SlipError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
         if token.text == ")":
             return SlipError("')' closes nothing", token.start, token.end, "remove it or add '('")
+        before, after = self._tokens[self._position - 1], self._tokens[min(self._position + 1, len(self._tokens) - 1)]
+        numbers = before.kind is after.kind is TokenKind.NUMBER
+        if token.text == "," and numbers and (before.end, after.start) == (token.start, token.end):
+            return SlipError("',' is no decimal point", before.start, after.end, f"write {before.text}.{after.text}")
         if token.text == ",":
             way_out = "join conditions with 'and' or 'or', or make each an item of its own"
             return SlipError("',' is out of place", token.start, token.end, way_out)
+        other = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
+        way_out = other or "join conditions with 'and' or 'or', compare values with '==' or '<'"
+        if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
+            way_out = f"remove it: {before.text} has the unit that it is declared with"
+        return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, way_out)
+
+    def _missing_comma(self) -> SlipError:
+        token = self._next
         return SlipError(
-            f"an operator is missing before {shown(token.text)}",
-            token.start,
-            token.end,
-            "join conditions with 'and' or 'or', compare values with '==' or '<'",
+            f"a ',' is missing before {shown(token.text)}", token.start, token.end, "put ',' between values"
         )
 
     def _mixed_chain(self) -> SlipError:

@@ -81,7 +81,7 @@ _UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
 _TOKEN = re.compile(
     rf"""(?P<blank>[ \t\r\n]+)
     | (?P<word>[^\W\d]\w*)
-    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is)\b){_UNIT_LIKE}))?
+    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then)\b){_UNIT_LIKE}))?
     | (?P<badnumber>\.?\d[\w.]*)
     | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
     | (?P<slip>&&|\|\||!==|===|=<|=>|<>|\*\*|//|:=|=(?!=)|!(?!=)|[^-\w\s()<>+*/,"'=!])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_dsl.diagnostics import Related, replacing, surely_means
 from codra_dsl.expression.tokens import shown
@@ -12,7 +12,7 @@ from codra_dsl.load.findings import Findings, listed
 from codra_dsl.load.nodes import ScalarNode, YamlNode
 from codra_dsl.load.origin import Subject
 from codra_dsl.load.reader import entries, is_unread
-from codra_dsl.load.shape import sound
+from codra_dsl.load.schema import sound
 from codra_dsl.load.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
 
 
@@ -29,10 +29,13 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
     given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
     right = sound("template_use", node.data)
     meant: set[str] = set()
-    missing = [name for name, parameter in template.parameters.items() if _is_needed(parameter) and name not in given]
+    needed = [name for name, each in template.parameters.items() if name not in template.unused and _is_needed(each)]
+    missing = [name for name in needed if name not in given]
     unknown = [name for name in given if name not in template.parameters or name == INSTANCE]
     for name in unknown:
         right = False
+        if name in template.undeclared:
+            continue
         if not template.is_open or name == INSTANCE:
             only = missing[0] if len(missing) == len(unknown) == 1 else None
             meant.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
@@ -47,7 +50,7 @@ def read_arguments(subject: Subject, node: YamlNode, template: Template, finding
                 continue
         elif name in missing and name not in meant and not is_unread(node):
             _report_missing(subject, name, parameter, template, findings)
-        bound[name] = example(parameter)
+        bound[name] = replace(example(parameter), known=True) if name in template.unused else example(parameter)
     return Arguments(bound, right and all(item.known for item in bound.values()))
 
 

@@ -7,19 +7,27 @@ and whatever could exhaust time or memory is stopped here, before anything is bu
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
 from typing import Any
 
 import yaml
 
 from codra_dsl.diagnostics import Related
+from codra_dsl.expression import Arithmetic, Name, Negative, Node, Number, parse
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.complaint import Problem
 from codra_dsl.load.draft import Draft
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.fixes import trap_fix
-from codra_dsl.load.mending import NO_KEY, colon_before_bracket, colon_between, missing_colon
+from codra_dsl.load.mending import (
+    NO_KEY,
+    colon_before_bracket,
+    colon_between,
+    colon_without_blank,
+    missing_blank,
+    missing_colon,
+)
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.scalars import SPECIAL_FIRST, resolve
 from codra_dsl.load.source import Source
@@ -49,6 +57,7 @@ _NOWHERE = ScalarNode("", None, 0, 0, Style.PLAIN)
 """Stands for a key whose value is read but kept nowhere."""
 
 _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+_FOLDED = re.compile(r"\n[ \t]*(?P<item>-)[ \t]")
 _PROPERTIES = re.compile(r"(?:[!&]\S*(?:\s+|$))*")
 
 
@@ -107,6 +116,7 @@ class _Composer:
         _current: the collection that is being read; `_key` the key in it that waits for its value.
         _parents: the collections around it, each with the key that waits when the inner one is closed.
         _again: the section that a second key of the same name goes on with.
+        _twice: of the mappings that are open, the keys that stand twice in them: again, and first.
     """
 
     def __init__(self, draft: Draft, findings: Findings) -> None:
@@ -119,6 +129,7 @@ class _Composer:
         self._current: MappingNode | SequenceNode | None = None
         self._key: ScalarNode | None = None
         self._again: MappingNode | None = None
+        self._twice: dict[int, list[tuple[ScalarNode, ScalarNode]]] = {}
         self._left = MAX_NODES
         self._last_end = 0
         self._documents = 0
@@ -204,8 +215,13 @@ class _Composer:
     def _suspect_value(self, node: ScalarNode) -> None:
         """Look at a value that is not there: perhaps it stands in its key."""
         key, mapping = self._key, self._current
-        plain = key is not None and key.style is Style.PLAIN and " " in key.text and not key.reported
+        plain = key is not None and key.style is Style.PLAIN and not key.reported
         if key is None or not plain or type(mapping) is not MappingNode or node.end > node.start:
+            return
+        glued = colon_without_blank(key.text) if mapping.flow and ":" in key.text else None
+        if glued is not None:
+            raise _SlipError(missing_blank(self._text, key.start, key.start + glued, key.end))
+        if " " not in key.text:
             return
         at = colon_between(key.text)
         if at is None or "\n" in self._text[key.start : key.end]:
@@ -226,14 +242,34 @@ class _Composer:
             self._key = _NOWHERE
             first, value = mapping.entries[node.text]
             self._again = value if len(self._parents) == 1 and type(value) is MappingNode else None
-            related = Related("first stands here", self._source.place(first.start, first.end))
-            way_out = "remove one of them or join them"
-            self._report("duplicate-key", f"the key {shown(node.text)} stands twice", *_range(node), way_out, related)
+            self._twice.setdefault(id(mapping), []).append((node, first))
+            for lost in (mapping, value) if len(self._parents) > 1 else ():
+                if type(lost) is MappingNode:
+                    lost.unread = True
         elif node.text == "<<" and node.style is Style.PLAIN:
             self._key = _NOWHERE
             mapping.reported = True
             way_out = "write the keys out, or use a template"
             self._report("merge-key", "the merge key '<<' is not part of this language", *_range(node), way_out)
+
+    def _report_twice(self, twice: list[tuple[ScalarNode, ScalarNode]]) -> None:
+        """Report the keys that stand twice in one mapping: most often a line is missing between the two."""
+        (key, first), *others = twice
+        related = [Related("first stands here", self._source.place(*_range(first)))]
+        related += [Related(f"so does {shown(other.text)}", self._source.place(*_range(other))) for other, _ in others]
+        way_out = "a line above that begins another element is missing" if others else "remove one of them or join them"
+        self._report("duplicate-key", f"the key {shown(key.text)} stands twice", *_range(key), way_out, *related)
+
+    def _report_folded(self, items: Iterable[YamlNode]) -> None:
+        """Report items of a list that stand further in than the one above, so that YAML adds them to that."""
+        for item in items:
+            if type(item) is not ScalarNode or item.style is not Style.PLAIN or " - " not in item.text:
+                continue
+            folded = _FOLDED.search(self._text, item.start, item.end)
+            if folded is not None and not _is_difference(item.text, self._text[item.start : folded.start()]):
+                item.reported = True
+                message, way_out = "this item stands further in than the one above", "begin every '- ' in one column"
+                self._report("yaml-syntax", message, *folded.span("item"), way_out)
 
     def _attach(self, node: YamlNode) -> None:
         self._left -= 1
@@ -287,6 +323,10 @@ class _Composer:
         bracketed = closed.flow and self._text.startswith(("[", "{"), closed.start)
         closed.end = event.end_mark.index if bracketed else max(closed.start, self._last_end)
         self._last_end = closed.end
+        if type(closed) is SequenceNode and not closed.flow:
+            self._report_folded(closed.items)
+        if self._twice and id(closed) in self._twice:
+            self._report_twice(self._twice.pop(id(closed)))
         self._current, self._key = self._parents.pop()
 
     def _alias(self, event: Any) -> None:
@@ -364,6 +404,14 @@ class _Composer:
 
     def _report(self, rule: str, message: str, start: int, end: int, way_out: str, *related: Related) -> None:
         self._findings.add(rule, message, self._source.place(start, end), help=way_out, related=related)
+
+
+def _is_difference(text: str, first: str) -> bool:
+    """Return whether a '-' at the beginning of a line takes a number from the one before, inside a comparison."""
+    whole, before = parse(text), parse(first)
+    if not isinstance(whole, Node) or isinstance(whole, Arithmetic):
+        return False
+    return isinstance(before, (Name, Number, Arithmetic, Negative))
 
 
 def _range(node: YamlNode) -> tuple[int, int]:

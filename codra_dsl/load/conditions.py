@@ -22,6 +22,7 @@ MAX_REMEMBERED = 200
 """The longest condition, in code points, whose tree is remembered."""
 
 _MAY_OPEN = re.compile(r"[(\"']")
+_JOINING = re.compile(r"^(?:and|or)\s")
 _COMMENT = re.compile(r"[ \t]+#([^\r\n]*)")
 
 
@@ -124,7 +125,7 @@ def report_syntax(reader: Reader, node: YamlNode, condition: Condition, steps: t
 
 def _note_comment(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
     comment = _comment_after(reader, node)
-    tree = parse(comment.strip()) if comment is not None else None
+    tree = parse(_JOINING.sub("", comment.strip())) if comment is not None else None
     names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()
     if comment is not None and names:
         written = f"{condition.text} #{comment.rstrip()}"

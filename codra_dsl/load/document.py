@@ -13,7 +13,8 @@ from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode, scalars
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.reader import is_unread
-from codra_dsl.load.shape import WHOLE_FILE, explain_outline, schema
+from codra_dsl.load.schema import WHOLE_FILE, schema
+from codra_dsl.load.shape import explain_outline
 from codra_dsl.load.source import Source, file_place
 
 VERSION = 1

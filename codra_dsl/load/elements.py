@@ -21,7 +21,8 @@ from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, YamlNode
 from codra_dsl.load.origin import NOUNS, Origin, Subject
 from codra_dsl.load.reader import Reader, Suspect
-from codra_dsl.load.shape import explain, keys_of, sound
+from codra_dsl.load.schema import keys_of, sound
+from codra_dsl.load.shape import explain
 from codra_dsl.load.templates import DEFINITIONS
 from codra_dsl.model import Algorithm
 

@@ -12,7 +12,7 @@ from functools import cache
 
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.complaint import LOOK_AROUND, Complaint, Problem, end_of_line, line_start
-from codra_dsl.load.shape import schema
+from codra_dsl.load.schema import schema
 from codra_dsl.load.traps import Openings
 
 NO_KEY = "\ue000"
@@ -23,6 +23,7 @@ _KEY_AND_BRACKET = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME})[ \t]+(?P<val
 _KEY_AND_MORE = re.compile(
     rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}|\"[^\"]+\"|'[^']+')(?:[ \t]+(?P<value>[^\s:=<>!#].*))?$"
 )
+_KEY_AND_VALUE = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}):[^\s:/].*$")
 _WORDS = re.compile(rf"(?P<key>{_NAME})[ \t]+(?P<value>\S.*)", re.DOTALL)
 _NAME_BEFORE = re.compile(rf"(?P<key>{_NAME})[ \t]*$")
 _TWO_ENTRIES = re.compile(rf"(?:^|[{{,]|:[ \t])[ \t]*(?P<value>[^{{}},:]*?[^{{}},:\s])[ \t]+(?P<key>{_NAME})[ \t]*$")
@@ -95,8 +96,31 @@ def _colon_after_key(complaint: Complaint) -> Problem | None:
         return None
     if start >= line_start(text, at):
         return None
-    found = _KEY_AND_MORE.match(text, start, end_of_line(text, start))
+    end = end_of_line(text, start)
+    glued = _KEY_AND_VALUE.match(text, start, end)
+    if glued is not None:
+        return missing_blank(text, *glued.span("key"), end)
+    found = _KEY_AND_MORE.match(text, start, end)
+    if found is not None and found["key"] in _NOT_A_VALUE:
+        message, way_out = (
+            f"{shown(found['key'])} begins no key",
+            "indent the line so that it goes on with the one above",
+        )
+        return Problem("yaml-syntax", message, way_out, *found.span("key"))
     return None if found is None else missing_colon(text, found.start("key"), found.end("key"))
+
+
+def colon_without_blank(key: str) -> int | None:
+    """Return where in a key, which nothing is the value of, the ':' is that lacks a blank."""
+    glued = _KEY_AND_VALUE.fullmatch(key)
+    return None if glued is None or not is_known_key(glued["key"]) else glued.end("key")
+
+
+def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
+    """Return the problem that the value follows the ':' of a key without a blank."""
+    key = text[start : at + 1]
+    message, way_out = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
+    return _missing(" ", message, way_out, start=start, end=at + 1, at=at + 1)
 
 
 def _first_of_lines_without_colon(text: str, at: int) -> int:
@@ -138,6 +162,11 @@ def _are_entries(before: str, value: str, key: str) -> bool:
         return True
     is_word = _VALUE_OF_ONE_WORD.fullmatch(value) is not None and value not in _NOT_A_VALUE
     return is_word and _FREE_TEXTS.search(before) is None
+
+
+def is_known_key(word: str) -> bool:
+    """Return whether the schema knows a key, wherever it may stand."""
+    return word in _known_keys()
 
 
 @cache
@@ -207,6 +236,23 @@ def _unclosed(line: str) -> str:
     return "".join(reversed(opened)) if not quote else "!"
 
 
+def _closing_quote(complaint: Complaint) -> Problem | None:
+    """Recognise a quote that is not closed on its line, so that the next one closes it, far below."""
+    text, at = complaint.text, complaint.at
+    quote = text[at - 1 : at]
+    if quote not in ("'", '"'):
+        return None
+    start = text.rfind(quote, 0, at - 1)
+    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip(" \t\n[{"):
+        return None
+    end = end_of_line(text, start)
+    message, way_out = "the quote that is opened here is not closed on its line", "close it with the same quote"
+    before = text[line_start(text, start) : start]
+    if not before.strip() or _unclosed(before) or quote in text[start + 1 : end]:
+        return Problem("yaml-syntax", message, way_out, start, start + 1)
+    return _missing(quote, message, way_out, start=start, end=start + 1, at=end)
+
+
 def _key_before_colon(complaint: Complaint) -> Problem | None:
     """Recognise `{: bool}`, and a line that begins with ':'."""
     if complaint.letter != ":" or complaint.text[complaint.at + 1 : complaint.at + 2].strip():
@@ -218,6 +264,7 @@ def _key_before_colon(complaint: Complaint) -> Problem | None:
 
 
 MENDS: tuple[Callable[[Complaint], Problem | None], ...] = (
+    _closing_quote,
     _key_before_colon,
     _colon_before_bracket,
     _comma_between_entries,

@@ -17,6 +17,7 @@ from codra_dsl.units import duration_help, parse_duration
 
 _WORDS = re.compile(r"(?P<name>\S+)(?:\s+(?P<verb>\S+)(?:\s+(?P<rest>.*))?)?", re.DOTALL)
 _WITHIN = re.compile(r"\s*(?<!\S)within(?:\s+(?P<duration>[^\"']*))?$")
+_OTHER_TIME = re.compile(r"\s+(?P<word>in|for|after|for at least|at most)\s+(?P<duration>[0-9][^\"']*)$")
 _COMPARED = re.compile(r"<=|>=|==|!=|<|>")
 _OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "becomes", "turns": "becomes"}
 
@@ -52,6 +53,8 @@ class _Entry:
         expected = Expected(words["verb"])
         start, end = words.span("rest") if words["rest"] else (len(self._text), len(self._text))
         within = _WITHIN.search(self._text, start)
+        if expected is Expected.STAYS:
+            within = within or _OTHER_TIME.search(self._text, start)
         within_s = self._within(expected, within)
         if within is None and expected is Expected.BECOMES:
             return None
@@ -69,6 +72,8 @@ class _Entry:
     def _no_verb(self, words: re.Match[str]) -> None:
         verb = words["verb"]
         near = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
+        if _COMPARED.match(verb):
+            near = f"stays {verb}"
         way_out = f"did you mean '{near}'?" if near else "write NAME, NAME becomes VALUE within D, or NAME stays VALUE"
         self._fail(f"{shown(verb)} is no expectation", way_out, *words.span("verb"))
 
@@ -76,12 +81,10 @@ class _Entry:
         """Return the time that a variable has to become a value; a finding where it is missing or misplaced."""
         if expected is Expected.STAYS:
             if within is not None:
-                self._fail("'stays' knows no 'within'", "remove it: the skill's acting is the time", *_trimmed(within))
+                self._no_time(within)
             return None
         if within is None:
-            near = any(self._reader.findings.nearest(word, ["within"]) for word in self._text.split()[2:])
-            way_out = "did you mean 'within'?" if near else f"say how long it may take: {self._text} within 5 s"
-            self._fail("'becomes' needs a 'within'", way_out, 0, len(self._text))
+            self._no_within()
             return None
         text = within["duration"] or ""
         duration = parse_duration(text)
@@ -91,6 +94,22 @@ class _Entry:
             self._fail(message, way_out, *_trimmed(within), rule="duration")
             return None
         return duration
+
+    def _no_time(self, within: re.Match[str]) -> None:
+        """Report a time that something is to stay for."""
+        word = shown(within["word"] if within.re is _OTHER_TIME else "within")
+        self._fail(f"'stays' knows no {word}", "remove it: the skill's acting is the time", *_trimmed(within))
+
+    def _no_within(self) -> None:
+        """Report that it is not said how long it may take until something becomes what it should."""
+        other = _OTHER_TIME.search(self._text)
+        if other is not None:
+            way_out = f"write 'within' instead of {shown(other['word'])}"
+        elif any(self._reader.findings.nearest(word, ["within"]) for word in self._text.split()[2:]):
+            way_out = "did you mean 'within'?"
+        else:
+            way_out = f"say how long it may take: {self._text} within 5 s"
+        self._fail("'becomes' needs a 'within'", way_out, 0, len(self._text))
 
     def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
         """Return the condition over the variable that is expected to hold."""

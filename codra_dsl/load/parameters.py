@@ -24,6 +24,7 @@ PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 _SPACED = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
 _UNCLOSED = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
 _UNOPENED = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_OTHER_SIGN = re.compile(r"\$\{\s*(?P<braced>\w+)\s*\}|\{\{\s*(?P<twice>\w+)\s*\}\}|\$(?P<bare>[A-Za-z]\w*)(?!\w*\))")
 _WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
 
 
@@ -32,27 +33,36 @@ class PutRight:
     """A text with a parameter whose punctuation was put right.
 
     Attributes:
-        written: what stands there.
+        start: with `end` where it stands in the text as it was.
         meant: what is meant by it.
     """
 
     text: str
-    written: str
+    start: int
+    end: int
     meant: str
     message: str
 
 
 def put_right(text: str, names: Collection[str]) -> PutRight | None:
-    """Return a text whose first damaged parameter is whole: `$( door )`, `$(door`, `door)`, `$door)`, `(door)`."""
+    """Return a text whose first damaged parameter is whole.
+
+    Such are `$( door )`, `$(door`, `door)`, `$door)`, `(door)`, and as other languages have it, `$door`, `${door}` and
+    `{{ door }}`.
+    """
+    other = _OTHER_SIGN.search(text)
+    begun = _begun(next(filter(None, other.groups())), names) if other is not None else ""
+    if other is not None and (begun in other.groups() or (begun and other["bare"])):
+        end = other.start("bare") + len(begun) if other["bare"] else other.end()
+        return _whole(text, other.start(), end, begun, f"{shown(text[other.start() : end])} is no parameter")
     spaced = _SPACED.search(text)
     if spaced is not None:
         return _whole(text, *spaced.span(), spaced["name"] or spaced["other"], f"blanks stand in {shown(spaced[0])}")
     unclosed = _UNCLOSED.search(text)
     if unclosed is not None:
-        beginnings = [name for name in names if _begins(unclosed["name"], name)]
-        if not beginnings:
+        name = _begun(unclosed["name"], names)
+        if not name:
             return None
-        name = max(beginnings, key=len)
         end = unclosed.start("name") + len(name)
         return _whole(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
     unopened = _UNOPENED.search(text)
@@ -65,13 +75,15 @@ def put_right(text: str, names: Collection[str]) -> PutRight | None:
     return None
 
 
-def _begins(word: str, name: str) -> bool:
-    return word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_")
+def _begun(word: str, names: Iterable[str]) -> str:
+    """Return the longest of some names that a word is, or begins with; an empty text where there is none."""
+    beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
+    return max(beginnings, key=len, default="")
 
 
 def _whole(text: str, start: int, end: int, name: str, message: str) -> PutRight:
     meant = f"$({name})"
-    return PutRight(text[:start] + meant + text[end:], text[start:end], meant, message)
+    return PutRight(text[:start] + meant + text[end:], start, end, meant, message)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +101,16 @@ class Meanings:
     Attributes:
         meant: for an unknown parameter the one that is meant.
         renamed: for a parameter whose declaration is misspelt how it should be.
+        strange: names that mean nothing that anybody knows.
+        undeclared: names that uses give and the template names, but does not declare.
     """
 
     def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
         self.meant: dict[str, str] = {}
         self.renamed: dict[str, str] = {}
+        self.undeclared: set[str] = set()
+        self.strange: set[str] = set()
+        self._given: frozenset[str] = frozenset()
         self._subject = subject
         self._mentions: dict[str, list[_Mention]] = {}
         for name, mention in _mentions(origin, sections):
@@ -118,6 +135,7 @@ class Meanings:
             return
         arguments = list(given)
         unused = [name for name in declared if name not in self._mentions and name not in arguments]
+        self._given = frozenset(arguments)
         uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
         blamed = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
         for name, mentions in unknown.items():
@@ -143,13 +161,16 @@ class Meanings:
     def _report_uses(
         self, name: str, mentions: list[_Mention], declared: Mapping[str, Place], findings: Findings, *, is_open: bool
     ) -> None:
-        near = findings.nearest(name, declared)
+        near = None if name in self._given else findings.nearest(name, declared)
         if near is not None:
             self.meant[name] = near
         elif is_open:
             return
+        if near is None:
+            (self.undeclared if name in self._given else self.strange).add(name)
         first, *others = mentions
-        way_out = f"did you mean '{near}'?" if near else f"parameters are {listed(declared)}"
+        known = f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {listed(declared)}"
+        way_out = f"did you mean '{near}'?" if near else known
         message = f"unknown parameter {shown(name)} in {self._subject}"
         related = [Related("also here", mention.place) for mention in others]
         fix = None if near is None or others else self._renaming(first, name, near, declared)

@@ -108,7 +108,7 @@ class Reader:
         duration = _duration(node.text)
         if duration is None or (duration == math.inf and most == "finite"):
             message = f"{shown(key)} in {self.subject} must be a duration, not {shown(node.text)}"
-            way_out = duration_help(node.text) if duration is None else "give a number with ms, s, min or h"
+            way_out = duration_help(node.text, most) if duration is None else "give a number with ms, s, min or h"
         elif duration < 0 or (duration == 0 and least == "positive"):
             message = f"{shown(key)} in {self.subject} is too short"
             way_out = "write a duration above 0 s" if least == "positive" else "write 0 s or more"

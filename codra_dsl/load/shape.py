@@ -1,19 +1,10 @@
-"""Whether an element has the shape that `schema.json` gives it, and what is wrong where it has not.
-
-`jsonschema_rs` accepts what is right, in next to no time; only what it refuses is looked at by `jsonschema`, whose
-errors are turned into one finding per root cause.
-"""
+"""What is wrong with the shape of an element: the errors of the schema as findings, one per root cause."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import jsonschema_rs
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from typing import Any
 
 from codra_dsl.diagnostics import Fix, Place, is_slip, replacing, surely_means
 from codra_dsl.expression.tokens import shown
@@ -21,43 +12,22 @@ from codra_dsl.load.findings import Findings
 from codra_dsl.load.fixes import trap_fix, truth_meant, without_item, word_meant
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.origin import Subject, damaged_key
-from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
+from codra_dsl.load.schema import Error, allowed_words, errors_of, resolved, schema, sound
+from codra_dsl.load.traps import (
+    Openings,
+    Trap,
+    read_as_list,
+    read_as_literal,
+    torn_at_comma,
+    torn_condition,
+    torn_expectation,
+    torn_number,
+)
 from codra_dsl.units import duration_help
 
-if TYPE_CHECKING:
-    from jsonschema.exceptions import ValidationError
-
-WHOLE_FILE = ""
-"""The definition of a whole file."""
-
-SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
-
-_FORMS = {
-    "parameter_declaration": ("parameter_object", "parameter_type"),
-    "saying": ("said_values", "silence"),
-    "behaviour": ("behaviour_object", "behaviour_word"),
-    "belief": ("belief_object", "literal"),
-}
-"""What a value means that may be a mapping or not: the definition of the mapping, and that of anything else."""
-
-_ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
-
-
-@cache
-def schema() -> dict[str, Any]:
-    """Return the published schema."""
-    loaded: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
-    return loaded
-
-
-def sound(definition: str, data: object) -> bool:
-    """Return whether data have the shape of a definition of the schema."""
-    return _acceptor(definition).is_valid(data)
-
-
-def keys_of(definition: str) -> frozenset[str]:
-    """Return the keys that an element of a definition can have."""
-    return frozenset(schema()["$defs"][definition].get("properties", ()))
+_SHORT = 4
+_TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
+_ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
 
 def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> frozenset[str]:
@@ -71,9 +41,9 @@ def explain(definition: str, node: YamlNode, subject: Subject, findings: Finding
         understands may stand for any that is absent.
     """
     explanation = _Explanation(subject, node, findings)
-    for mapping, meant in explanation.unknown_keys(_errors(definition, node.data, ())):
+    for mapping, meant in explanation.unknown_keys(errors_of(definition, node.data, ())):
         _rename(mapping, meant)
-    explanation.report(tuple(_errors(definition, node.data, ())))
+    explanation.report(tuple(errors_of(definition, node.data, ())))
     return frozenset(explanation.damaged)
 
 
@@ -85,9 +55,9 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
     if sound(definition, _outline(root)):
         return
     explanation = _Explanation(subject, root, findings)
-    for mapping, meant in explanation.unknown_keys(_errors(definition, _outline(root), ())):
+    for mapping, meant in explanation.unknown_keys(errors_of(definition, _outline(root), ())):
         _rename(mapping, {key: near or key for key, near in meant.items()})
-    errors = _errors(definition, _outline(root), ())
+    errors = errors_of(definition, _outline(root), ())
     explanation.report(tuple(error for error in errors if error.path or error.keyword != "required"))
 
 
@@ -112,76 +82,6 @@ def _rename(mapping: MappingNode, meant: Mapping[str, str | None]) -> None:
         mapping.put(key_node, value)
 
 
-@cache
-def _acceptor(definition: str) -> jsonschema_rs.Draft202012Validator:
-    return jsonschema_rs.Draft202012Validator(_definition(definition, _bare_schema()))
-
-
-@cache
-def _explainer(definition: str) -> Any:
-    from jsonschema import Draft202012Validator  # noqa: PLC0415  slow to import; a sound spec never needs it
-
-    return Draft202012Validator(_definition(definition, schema()))
-
-
-def _definition(name: str, whole: dict[str, Any]) -> dict[str, Any]:
-    if name == WHOLE_FILE:
-        return whole
-    return {"$ref": f"#/$defs/{name}", "$defs": whole["$defs"]}
-
-
-@cache
-def _bare_schema() -> dict[str, Any]:
-    return _bare(schema())
-
-
-def _bare(part: dict[str, Any]) -> dict[str, Any]:
-    """Return a schema without what is for people: an acceptor of it is made in a third of the time."""
-    bare: dict[str, Any] = {}
-    for keyword, value in part.items():
-        if keyword in ("properties", "$defs"):
-            bare[keyword] = {name: _bare(inner) for name, inner in value.items()}
-        elif keyword in ("anyOf", "allOf"):
-            bare[keyword] = [_bare(inner) for inner in value]
-        elif keyword not in _ANNOTATIONS:
-            bare[keyword] = _bare(value) if isinstance(value, dict) else value
-    return bare
-
-
-@dataclass(frozen=True, slots=True)
-class _Error:
-    """An error of the schema: `path` leads from the element to what is wrong."""
-
-    path: tuple[str | int, ...]
-    keyword: str
-    limit: Any
-    schema: dict[str, Any]
-    data: Any
-
-
-def _errors(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[_Error]:
-    error: ValidationError
-    for error in _explainer(definition).iter_errors(data):
-        inner = (*path, *error.absolute_path)
-        schema_here = error.schema if isinstance(error.schema, dict) else {}
-        branch = _branch(schema_here.get("$anchor"), error.instance) if error.validator == "anyOf" else None
-        if branch is not None:
-            yield from _errors(branch, error.instance, inner)
-        else:
-            yield _Error(inner, str(error.validator), error.validator_value, schema_here, error.instance)
-
-
-def _branch(anchor: str | None, data: object) -> str | None:
-    """Return the definition that a value means which may have several forms."""
-    if anchor == "identification":
-        if not isinstance(data, dict):
-            return "condition"
-        return "hysteresis" if {"enter", "leave", "confirm"} & data.keys() else "cases"
-    if anchor in _FORMS:
-        return _FORMS[anchor][0 if isinstance(data, dict) else 1]
-    return None
-
-
 class _Explanation:
     """Turns the errors of one element into findings, and lists the keys that they damage."""
 
@@ -193,7 +93,7 @@ class _Explanation:
         self._strange: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
         self.damaged: set[str] = set()
 
-    def unknown_keys(self, errors: Iterable[_Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
+    def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
         """Report unknown keys; return, for each mapping that has some, which known key each of them means."""
         found = []
         for error in errors:
@@ -202,7 +102,7 @@ class _Explanation:
                 found.append((mapping, self._unknown(error, mapping)))
         return found
 
-    def report(self, errors: Sequence[_Error]) -> None:
+    def report(self, errors: Sequence[Error]) -> None:
         """Report the other errors, and the unknown keys that may be what is missing."""
         for error in errors:
             if error.keyword == "required":
@@ -276,15 +176,16 @@ class _Explanation:
             return f"item {path[-1] + 1} of {self._named(path[:-1])}"
         return f"{shown(path[-1])} in {self._holder(path[:-1])}"
 
-    def _unknown(self, error: _Error, mapping: MappingNode) -> dict[str, str | None]:
-        torn = self._torn(mapping)
+    def _unknown(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
         known = error.schema["properties"]
+        torn = self._torn(mapping)
+        torn |= self._report_lists(error.path, mapping, known.keys() | torn, known)
         free = {other: None for other in known if other not in mapping.entries}
         meant: dict[str, str | None] = {}
         for key, (key_node, _) in mapping.entries.items():
             if key in known or key in torn:
                 continue
-            near = meant[key] = self._findings.nearest(key, free)
+            near = meant[key] = self._findings.nearest(key, free) or _written_out(key, free)
             allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
             fix = self._renaming(key_node, near, mapping.entries.keys() - known, free) if near else None
             free.pop(near or "", None)
@@ -297,6 +198,20 @@ class _Explanation:
             self.damaged.update([damaged_key(error.path)] if error.path else free)
         return meant
 
+    def _report_lists(
+        self, path: tuple[str | int, ...], mapping: MappingNode, told: Set[str], known: Mapping[str, Any]
+    ) -> set[str]:
+        """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
+        items: set[str] = set()
+        for owner, more in _lists_without_brackets(mapping, told, known):
+            value = mapping.entries[owner][1]
+            first = value.text if isinstance(value, ScalarNode) else ""
+            self._report_key(path, mapping.entries[more[0]][0], f"write '{owner}: [{', '.join((first, *more))}]'")
+            value.reported = True
+            self.damaged.add(damaged_key((*path, owner)))
+            items.update(more)
+        return items
+
     def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, way_out: str, fix: Fix | None = None) -> None:
         message = f"unknown key {shown(key.written)} in {self._holder(path)}"
         place, way = self._subject.origin.of(key), self._subject.part(*path, key.text)
@@ -308,7 +223,7 @@ class _Explanation:
         safe = alone and surely_means(key.text, near, free)
         return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
 
-    def _missing(self, error: _Error) -> None:
+    def _missing(self, error: Error) -> None:
         mapping = self._node(error.path)
         if not isinstance(mapping, MappingNode) or mapping.reported:
             return
@@ -331,10 +246,12 @@ class _Explanation:
                 path=self._subject.part(*path),
             )
 
-    def _subschema(self, error: _Error, key: str) -> dict[str, Any]:
+    def _subschema(self, error: Error, key: str) -> dict[str, Any]:
         """Return the schema of a missing key, which an `if` may demand far from where it is described."""
         here = error.schema.get("properties", {}).get(key)
-        return _resolved(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+        if key == "type" and isinstance(error.data, dict) and "values" in error.data:
+            return {"examples": ["enum"]}
+        return resolved(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
 
     def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
         if not path:
@@ -344,7 +261,7 @@ class _Explanation:
             return self._subject.origin.of(holder.entries[str(path[-1])][0])
         return self._place(path)
 
-    def _value(self, error: _Error) -> None:
+    def _value(self, error: Error) -> None:
         if error.schema.get("$anchor") in ("condition", "expectation") and self._trapped(error):
             return
         path = error.path
@@ -355,7 +272,7 @@ class _Explanation:
         fix = self._fix(rule, error, path)
         self._findings.add(rule, message, place, help=way_out, path=self._subject.part(*error.path), fix=fix)
 
-    def _fix(self, rule: str, error: _Error, path: tuple[str | int, ...]) -> Fix | None:
+    def _fix(self, rule: str, error: Error, path: tuple[str | int, ...]) -> Fix | None:
         """Return the fix of a wrong value, where it is plain what is meant."""
         node, holder = self._node(path), self._node(path[:-1])
         if rule == "repeated-value" and isinstance(holder, SequenceNode):
@@ -363,13 +280,20 @@ class _Explanation:
         if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
             return None
         if rule == "unknown-value":
-            meant, safe = word_meant(node.text, _allowed(error.schema), self._findings)
+            meant, safe = self._word_meant(path, node.text, allowed_words(error.schema))
         else:
             is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
             meant, safe = (truth_meant(node.text) if is_truth else None), True
         return None if meant is None else replacing(self._subject.origin.of(node), node.text, meant, safe=safe)
 
-    def _judged(self, error: _Error, node: YamlNode) -> tuple[str, str, str]:
+    def _word_meant(self, path: tuple[str | int, ...], word: str, allowed: Sequence[str]) -> tuple[str | None, bool]:
+        """Return which of the allowed words is meant, and whether it surely is: what has `values` is an enum."""
+        holder = self._node(path[:-1])
+        if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
+            return "enum", False
+        return word_meant(word, allowed, self._findings)
+
+    def _judged(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
         """Return rule, message and way out for a value that is wrong."""
         named = self._named(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
@@ -382,24 +306,23 @@ class _Explanation:
         if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
             message = f"{named} must be {title}, not {_found(node)}" if error.data else f"{named} is empty"
             return "wrong-length", message, example
-        allowed = _allowed(error.schema)
+        allowed = allowed_words(error.schema)
         if allowed and isinstance(error.data, str):
-            near, _ = word_meant(error.data, allowed, self._findings)
-            way_out = f"did you mean '{near}'?" if near else f"allowed: {', '.join(allowed)}"
+            near, _ = self._word_meant(error.path, error.data, allowed)
+            told = [word for word in allowed if word in title.split()] or allowed
+            way_out = f"did you mean '{near}'?" if near else f"allowed: {', '.join(told)}"
             return "unknown-value", f"{named} cannot be {shown(error.data)}", way_out
         if isinstance(node, ScalarNode) and not node.text:
             return "wrong-type", f"{named} has no value; it must be {title}", example
-        if isinstance(node, ScalarNode) and title.startswith("a duration"):
-            return "wrong-type", f"{named} must be {title}, not {_found(node)}", duration_help(node.text)
-        return "wrong-type", f"{named} must be {title}, not {_found(node)}", example
+        return "wrong-type", f"{named} must be {title}, not {_found(node)}", _other_form(error, node, title) or example
 
-    def _trapped(self, error: _Error) -> bool:
+    def _trapped(self, error: Error) -> bool:
         """Report the trap that a condition has fallen into, if it is one."""
         node = self._node(error.path)
         holder = self._node(error.path[:-1])
         if isinstance(holder, MappingNode) and error.path[-1] in self._torn(holder):
             return True
-        trap = self._trap_of(node, str(error.schema["$anchor"]))
+        trap = self._trap_of(error.path, node, str(error.schema["$anchor"]))
         if trap is None:
             return False
         origin = self._subject.origin
@@ -408,14 +331,22 @@ class _Explanation:
         self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path, fix=fix)
         return True
 
-    def _trap_of(self, node: YamlNode, wanted: str) -> Trap | None:
+    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, wanted: str) -> Trap | None:
         written = self._subject.origin.written(node)
         if isinstance(node, ScalarNode):
-            literal = wanted == "condition" and node.data is not None
-            return read_as_literal(node.text, f"a {_kind(node.data)}") if literal else None
+            if wanted != "condition" or node.data is None:
+                return None
+            holder, index = self._node(path[:-1]), path[-1]
+            if isinstance(holder, SequenceNode) and isinstance(index, int) and index > 0:
+                number = self._subject.origin.source.text[holder.items[index - 1].start : node.end]
+                if _TORN_NUMBER.search(number):
+                    return torn_number(number)
+            return read_as_literal(node.text, f"a {_kind(node.data)}", in_list=path[0] != "identifies")
         if written.startswith(("{", "[")):
             return None
-        return torn_at_colon(written) if isinstance(node, MappingNode) else read_as_list(written)
+        if isinstance(node, SequenceNode):
+            return read_as_list(written)
+        return torn_condition(written) if wanted == "condition" else torn_expectation(written)
 
     def _torn(self, mapping: MappingNode) -> set[str]:
         """Return the keys of a mapping in braces that a comma tore off a condition; report each tear once."""
@@ -448,6 +379,48 @@ class _Explanation:
         first.reported = True
 
 
+def _written_out(key: str, candidates: Iterable[str]) -> str | None:
+    """Return the only candidate that a key is short for, as `params` is for `parameters`."""
+    found = [other for other in candidates if len(key) > _SHORT and other.startswith(key.removesuffix("s"))]
+    return found[0] if len(found) == 1 else None
+
+
+def _lists_without_brackets(
+    mapping: MappingNode, told: Set[str], known: Mapping[str, Any]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield keys whose values go on as keys without values, with those: `source: a, b` in braces."""
+    owner, more = "", list[str]()
+    for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
+        if key and key not in told and isinstance(value, ScalarNode) and value.data is None:
+            more.append(key)
+            continue
+        if more and "a list of" in resolved(known.get(owner, {})).get("title", ""):
+            yield owner, more
+        owner, more = key, []
+
+
+def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
+    """Return the way out for a value of another form than is wanted, where it is plain what is meant."""
+    if title == "a condition" and isinstance(node, SequenceNode):
+        alone = isinstance(error.path[-1], str)
+        return f"{'write one' if alone else 'make each an item of its own'}, or join them with 'and' or 'or'"
+    if title == "a type" and isinstance(node, SequenceNode):
+        return f"write 'type: enum' and 'values: {_literal(error.data)}'"
+    if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
+        return None
+    if title.startswith("a duration"):
+        return duration_help(node.text, "forever" if "forever" in title else "finite")
+    if not title.startswith("a list of ") or title.endswith("numbers"):
+        return None
+    if node.text.startswith("-"):
+        return "write a blank after the '-' of each item"
+    is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
+    items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
+    return (
+        "begin each item with '- ' on a line of its own" if items is None else f"write '{error.path[-1]}: [{items[1]}]'"
+    )
+
+
 def _second(items: Sequence[object]) -> int:
     """Return the index of the first item that stands in a list a second time."""
     seen: set[str] = set()
@@ -457,20 +430,6 @@ def _second(items: Sequence[object]) -> int:
             return index
         seen.add(written)
     return 0
-
-
-def _allowed(schema_here: dict[str, Any]) -> list[str]:
-    """Return the words that a schema allows, if it is a choice among words."""
-    for form in (schema_here, *schema_here.get("anyOf", ())):
-        if "enum" in form:
-            return list(form["enum"])
-    return []
-
-
-def _resolved(part: dict[str, Any]) -> dict[str, Any]:
-    reference = part.get("$ref", "")
-    referred: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})
-    return referred | part
 
 
 def _example(key: str | int, schema_here: dict[str, Any]) -> str:

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from yaml import MarkedYAMLError, YAMLError
 
 from codra_dsl.expression.tokens import shown
-from codra_dsl.load.complaint import LOOK_AROUND, Complaint, Problem, end_in_brackets, end_of_line
-from codra_dsl.load.mending import MENDS
+from codra_dsl.load.complaint import LOOK_AROUND, Complaint, Problem, end_in_brackets, end_of_line, line_start
+from codra_dsl.load.mending import MENDS, is_known_key
 from codra_dsl.load.traps import (
     Openings,
     Trap,
@@ -23,6 +23,9 @@ from codra_dsl.load.traps import (
     read_as_tag,
     torn_at_colon,
     torn_at_comma,
+    torn_call,
+    torn_condition,
+    torn_mapping,
 )
 
 _QUOTED_BEFORE = re.compile(r"""(?<![^\s\[{,])(?P<quoted>"(?:[^"\\]|\\.)*"|'(?:[^']|'')*')[ \t]*$""")
@@ -30,6 +33,8 @@ _KEY_BEFORE = re.compile(r"""(?<![^\s{,\[])(?:"[^"]*"|'[^']*'|[^\s"'#{,\[][^#{,\
 _HIDDEN_BRACKET = re.compile(
     r"(?:[\[{,]|:[ \t])[ \t]*(?P<value>(?:(?!:[ \t])[^\[{,\r\n#])*?[ \t]#[^\r\n]*?)[\]}][\]}, \t]*$", re.MULTILINE
 )
+_KEY_AND_VALUE = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:[ \t]+[^\s{\[\"'|>&!#]")
+_TEXTS = frozenset({"label", "description"})
 _MAX_PIECES = 50
 _PIECE_BEGINS = re.compile(r"(?:[\[{,]|:[ \t])[ \t]*")
 _WORD = re.compile(r"[^\s,\[\]{}:]+")
@@ -124,7 +129,14 @@ def _second_colon(complaint: Complaint) -> Problem | None:
         return None
     start = complaint.at - len(before) + keys[-1].end()
     end = complaint.value_end(start)
-    return _trapped(torn_at_colon(complaint.text[start:end]), start, end)
+    key, written = keys[-1][0].rstrip(": \t"), complaint.text[start:end]
+    if key == "call":
+        trap = torn_call
+    elif is_known_key(before[keys[-1].end() :].strip()) and key not in _TEXTS:
+        trap = torn_mapping
+    else:
+        trap = torn_at_colon if key in _TEXTS else torn_condition
+    return _trapped(trap(written), start, end)
 
 
 _TRAPS: tuple[Callable[[Complaint], Problem | None], ...] = (
@@ -205,6 +217,23 @@ _MEANINGS: tuple[tuple[str, str, str, str], ...] = (
 )
 
 
+def _is_misplaced_item(complaint: Complaint) -> bool:
+    """Return whether `- ` begins a line where the items of no list begin."""
+    is_item = complaint.text.startswith(("- ", "-\t"), complaint.at) and not complaint.before().strip()
+    return is_item and not complaint.in_brackets and "expected key" in complaint.problem
+
+
+def _is_indented_further(complaint: Complaint) -> bool:
+    """Return whether a key stands further to the right than the one on the line above, which has a value."""
+    if "mapping values" not in complaint.problem:
+        return False
+    start = line_start(complaint.text, complaint.at)
+    above = complaint.text[line_start(complaint.text, max(0, start - 1)) : max(0, start - 1)]
+    pattern = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:?")
+    here, there = pattern.fullmatch(complaint.before()), _KEY_AND_VALUE.match(above)
+    return here is not None and there is not None and len(here["indent"]) > len(there["indent"])
+
+
 def _plain(complaint: Complaint) -> Problem:
     """Return the finding for a complaint that is no trap."""
     problem, at, begun = complaint.problem, complaint.at, complaint.begun
@@ -217,6 +246,16 @@ def _plain(complaint: Complaint) -> Problem:
         bracket = complaint.text[begun : begun + 1]
         way_out = f"add {shown('}' if bracket == '{' else ']')} where it ends"
         return Problem("yaml-syntax", f"the {shown(bracket)} here is never closed", way_out, begun, begun + 1)
+    if _is_misplaced_item(complaint):
+        message = "this item stands in no list"
+        way_out = "begin every '- ' of a list in the same column; keys of a mapping have none"
+        return Problem("yaml-syntax", message, way_out, at, at + 1)
+    if _is_indented_further(complaint):
+        start = at - len(complaint.before().lstrip())
+        message = f"{shown(complaint.text[start:at])} stands further in than the key above, and reads as its value"
+        return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
+    if complaint.letter in ("}", "]") and not complaint.in_brackets:
+        return Problem("yaml-syntax", f"{shown(complaint.letter)} closes nothing", "remove it", at, at + 1)
     word = _WORD.match(complaint.text, at)
     end = word.end() if word else min(at + 1, len(complaint.text))
     letter = shown(complaint.letter) if complaint.letter.strip() else "the end of the line"

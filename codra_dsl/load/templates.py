@@ -11,7 +11,7 @@ How a parameter may be used depends on where it stands:
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
@@ -25,7 +25,8 @@ from codra_dsl.load.nodes import Letters, MappingNode, ScalarNode, SequenceNode,
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.parameters import MAX_PUT_RIGHT, PARAMETER, Meanings, put_right
 from codra_dsl.load.reader import entries, is_unread
-from codra_dsl.load.shape import explain, explain_outline, sound
+from codra_dsl.load.schema import sound
+from codra_dsl.load.shape import explain, explain_outline
 from codra_dsl.load.traps import Openings
 from codra_dsl.model import DeclaredTemplate, Literal, Reference
 from codra_dsl.model import Letters as PlacedLetters
@@ -45,6 +46,8 @@ INSTANCE = "instance"
 """The parameter that every template has: the name of the use."""
 
 _KNOWN = frozenset({"parameters", *SECTIONS})
+_BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
+_MAY_SLIP = re.compile(r"[$){]")
 _SOLID = re.compile(r"[\w$).]")
 _TEXT_KEYS = frozenset({"label", "description"})
 _CONDITION_KEYS = frozenset(
@@ -131,6 +134,8 @@ class Template:
         patterns: of the scalars with parameters, by the node's id.
         used: the parameters that stand in them.
         touched: ids of all nodes that hold such a scalar.
+        unused: the parameters that stand in none, which has been reported.
+        undeclared: names that uses give and patterns have, but which are no parameters, which has been reported.
         damaged: by (section, name as written) of elements that are wrong whatever a use says, the keys that cannot be
             read; those with a wrong parameter are marked as reported instead.
         size: how many keys and values it has.
@@ -144,6 +149,8 @@ class Template:
     parameters: Mapping[str, Parameter]
     patterns: Mapping[int, Pattern]
     used: frozenset[str]
+    unused: frozenset[str]
+    undeclared: frozenset[str]
     touched: frozenset[int]
     damaged: Mapping[tuple[str, str], frozenset[str]]
     size: int
@@ -176,8 +183,10 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     for section, elements in sections.items():
         survey.add(section, elements)
     lost = strange or node.unread or any(elements.unread for elements in sections.values())
-    if not (lost or survey.is_vague):
-        _report_unused(subject, parameters, survey.used | meanings.named, findings)
+    unused = frozenset(parameters) - survey.used - survey.bare_words - meanings.named - {INSTANCE}
+    if lost or survey.is_vague or meanings.strange:
+        unused = frozenset()
+    _report_unused(subject, [parameters[name] for name in parameters if name in unused], findings)
     return Template(
         subject=subject,
         origin=origin,
@@ -185,6 +194,8 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
         parameters=parameters,
         patterns=survey.patterns,
         used=frozenset(survey.used),
+        unused=unused,
+        undeclared=frozenset(meanings.undeclared),
         touched=frozenset(survey.touched),
         damaged=survey.damaged,
         size=sum(1 for section in sections.values() for _ in scalars(section, lambda _: True)),
@@ -193,15 +204,13 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     )
 
 
-def _report_unused(
-    subject: Subject, parameters: Mapping[str, Parameter], used: Collection[str], findings: Findings
-) -> None:
-    for name, parameter in parameters.items():
-        if name not in used and name != INSTANCE and not parameter.key.reported:
+def _report_unused(subject: Subject, parameters: Iterable[Parameter], findings: Findings) -> None:
+    for parameter in parameters:
+        if not parameter.key.reported:
+            name = parameter.key.text
             message = f"the parameter {shown(name)} of {subject} is never used"
-            place = subject.origin.of(parameter.key)
             path = subject.part("parameters", name)
-            findings.add("unused-parameter", message, place, help=f"remove it, or write $({name})", path=path)
+            findings.add("unused-parameter", message, parameter.place, help=f"remove it, or write $({name})", path=path)
 
 
 def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
@@ -303,6 +312,7 @@ class _Survey:
     """Walks through a template's sections: checks their shape, and finds every parameter in them.
 
     Attributes:
+        bare_words: what stands in conditions without being a parameter or a key.
         is_vague: whether a parameter is named in such a way that it could be any.
     """
 
@@ -314,12 +324,18 @@ class _Survey:
         self.damaged: dict[tuple[str, str], frozenset[str]] = {}
         self.used: set[str] = set()
         self.is_vague = False
+        self._words: set[str] = set()
+        self._keys: set[str] = set()
         self._origin = origin
         self._parameters = parameters
         self._meant = meant
         self._findings = findings
         self._path = ""
         self._is_broken = False
+
+    @property
+    def bare_words(self) -> frozenset[str]:
+        return frozenset(self._words - self._keys)
 
     def add(self, section: str, elements: MappingNode) -> None:
         """Look at the elements of one section."""
@@ -351,14 +367,19 @@ class _Survey:
 
     def _scalar(self, node: ScalarNode, position: Position) -> bool:
         text = node.text
-        if node.reported or not ("$(" in text or (")" in text and put_right(text, self._parameters))):
+        if position is Position.NAME:
+            self._keys.add(text)
+        elif position is Position.CONDITION:
+            self._words.update(_BARE_WORD.findall(text))
+        if node.reported or not ("$(" in text or (_MAY_SLIP.search(text) and put_right(text, self._parameters))):
             return False
         letters = letters_of(node, self._origin.source.text)
         for _ in range(MAX_PUT_RIGHT):
             slip = put_right(text, self._parameters)
             if slip is None or not self._may_slip(text, position):
                 break
-            self._report("ill-formed-parameter", slip.message, self._origin.of(node), f"write {slip.meant}")
+            place = PlacedLetters(self._origin.place, letters).place(slip.start, slip.end) or self._origin.of(node)
+            self._report("ill-formed-parameter", slip.message, place, f"write {slip.meant}")
             text, letters = slip.text, ()
         pattern = Pattern(_pieces(text, letters, position, self._meant), position)
         node.reported = True

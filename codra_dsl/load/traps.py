@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
+from codra_dsl.expression import Node, parse
 from codra_dsl.expression.tokens import shown
+
+_KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
+
+
+_CHOICE = re.compile(r"(?P<condition>[^?:]+?)\s*\?\s*(?P<then>[^?:]+?)\s*:\s*(?P<otherwise>[^?:]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +31,16 @@ class Trap:
 
 
 def quoted(text: str) -> str:
-    """Return a text as a YAML scalar in single quotes."""
-    return "'" + _on_one_line(text).replace("'", "''") + "'"
+    """Return a text as a YAML scalar in single quotes, or in double quotes where that is easier to read."""
+    line = _on_one_line(text)
+    if "'" in line and not {'"', "\\"} & set(line):
+        return f'"{line}"'
+    return "'" + line.replace("'", "''") + "'"
+
+
+def is_condition(text: str) -> bool:
+    """Return whether a text can be read as a condition."""
+    return isinstance(parse(_on_one_line(text)), Node)
 
 
 def _on_one_line(text: str) -> str:
@@ -60,37 +75,86 @@ def read_as_block(text: str) -> Trap:
 def read_as_quoted(first: str, rest: str, whole: str) -> Trap:
     """Return the trap of a condition that begins with a quoted text and goes on after it."""
     message = f"YAML takes {shown(first)} for the whole value and cannot read {shown(rest)} after it"
+    inner = whole[1:-1]
+    if whole[:1] == whole[-1:] and not is_condition(whole):
+        cure = quoted(inner)
+        return Trap("read-as-quoted", message, f"use other quotes around it: {cure}", cure, _on_one_line(inner))
     return _quoting("read-as-quoted", message, whole, "all of it")
 
 
-def read_as_literal(written: str, what: str) -> Trap:
-    """Return the trap of a condition that is a YAML literal."""
+def read_as_literal(written: str, what: str, *, in_list: bool) -> Trap:
+    """Return the trap of a condition that is a YAML literal: one of a list, or one that gives a value."""
     message = f"YAML reads {shown(written)} as {what}, not as a condition"
-    way_out = f"write a condition, such as x == {written}; a list without items always holds"
-    return Trap("read-as-literal", message, way_out)
+    rest = "a list without items always holds" if in_list else f"if it is always so, quote it: '{written}'"
+    return Trap("read-as-literal", message, f"write a condition, such as x == {written}; {rest}")
 
 
 def read_as_list(written: str) -> Trap:
     """Return the trap of a condition that is a list for YAML: it begins with `- ` or stands in brackets."""
     message = f"YAML reads {shown(written)} as a list, not as a condition"
+    inner = written.removeprefix("- ")
+    if inner != written and is_condition(inner):
+        return Trap("read-as-list", message, "write '- ' once", _on_one_line(inner), _on_one_line(inner))
     return Trap("read-as-list", message, f"put quotes around it: {quoted(written)}")
 
 
 def torn_at_comma(written: str) -> Trap:
     """Return the trap of a condition with a comma inside brackets or braces."""
     message = f"YAML tears {shown(written)} apart at its comma"
+    if written[:1] + written[-1:] == "()" and not is_condition(written):
+        return Trap("torn-at-comma", message, f"write [{written[1:-1]}]")
     return _quoting("torn-at-comma", message, written)
 
 
+def torn_number(written: str) -> Trap:
+    """Return the trap of a number with a decimal comma inside brackets or braces."""
+    meant = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", written)
+    return Trap("torn-at-comma", f"YAML tears {shown(written)} apart at its comma", f"write {meant}")
+
+
 def torn_at_colon(written: str) -> Trap:
-    """Return the trap of a condition with `: ` in it."""
+    """Return the trap of a text with `: ` in it."""
     message = f"YAML reads {shown(written)} as a key and its value, not as one text"
     return _quoting("torn-at-colon", message, written)
+
+
+def torn_call(written: str) -> Trap:
+    """Return the trap of `package.module: function`."""
+    message = f"YAML reads {shown(written)} as a key and its value, not as a function"
+    return Trap("torn-at-colon", message, f"write {''.join(written.split())}, without a blank")
+
+
+def torn_expectation(written: str) -> Trap:
+    """Return the trap of `door: open` under `monitor`."""
+    message = f"YAML reads {shown(written)} as a key and its value, not as an expectation"
+    return Trap("torn-at-colon", message, "write NAME, NAME becomes VALUE within D, or NAME stays VALUE")
+
+
+def torn_mapping(written: str) -> Trap:
+    """Return the trap of a mapping on one line without braces."""
+    message = f"YAML reads {shown(written)} as a key and its value, not as a mapping"
+    return Trap("torn-at-colon", message, f"put braces around it: {{{written}}}")
+
+
+def torn_condition(written: str) -> Trap:
+    """Return the trap of a condition with `: ` in it: `x: true` for `x == true`, `c ? a : b` for `a if c else b`."""
+    pair, choice = _KEY_AND_VALUE.fullmatch(written), _CHOICE.fullmatch(written)
+    cure = "" if pair is None else f"{pair['key']} == {pair['value']}"
+    if choice is not None:
+        cure = f"{choice['then']} if {choice['condition']} else {choice['otherwise']}"
+    if not is_condition(cure):
+        return torn_at_colon(written)
+    message = f"YAML reads {shown(written)} as a key and its value, not as a condition"
+    return Trap("torn-at-colon", message, f"write {cure}", cure, cure)
 
 
 def cut_off_by_comment(written: str) -> Trap:
     """Return the trap of a condition with ` #` in it."""
     message = f"YAML reads all after the ' #' in {shown(written)} as a comment"
+    if not is_condition(written):
+        is_whole = is_condition(written.partition(" #")[0])
+        way_out = "put the comment on a line of its own" if is_whole else "complete the condition before the '#'"
+        return Trap("cut-off-by-comment", message, f"{way_out}, or quote the whole")
     return _quoting("cut-off-by-comment", message, written)
 
 

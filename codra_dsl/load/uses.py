@@ -16,10 +16,12 @@ from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.reader import entries
-from codra_dsl.load.shape import explain, sound
+from codra_dsl.load.schema import sound
+from codra_dsl.load.shape import explain
 from codra_dsl.load.templates import Template, declare, declared
 from codra_dsl.model import DeclaredTemplate, Use
 
+_AROUND_ARGUMENTS = ("parameters", "arguments", "with")
 MAX_FILLED = 1_500_000
 """How many values all uses of a spec may make."""
 
@@ -133,6 +135,8 @@ class Uses:
 
     def _template(self, subject: Subject, node: YamlNode) -> Template | None:
         """Return the template that a use names."""
+        if isinstance(node, MappingNode):
+            self._read_as_meant(subject, node)
         name = node.value("template") if isinstance(node, MappingNode) else None
         if not sound("template_use", node.data):
             explain("template_use", node, subject, self._findings)
@@ -150,6 +154,26 @@ class Uses:
             fix = replacing(place, name.text, near, safe=safe) if near else None
             self._findings.add("unknown-template", message, place, help=way_out, path=path, fix=fix)
         return template
+
+    def _read_as_meant(self, subject: Subject, node: MappingNode) -> None:
+        """Report arguments that stand in a mapping of their own, and the key that stands where `template` should."""
+        around = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
+        if around is not None:
+            place, path = subject.origin.of(node.entries[around][0]), subject.part(around)
+            message, way_out = f"arguments stand under {shown(around)} in {subject}", "write them beside 'template'"
+            self._findings.add("unknown-argument", message, place, help=way_out, path=path)
+            for key, value in entries(node.take(around)):
+                if key.text not in node.entries:
+                    node.put(key, value)
+        named = [key for key, (_, value) in node.entries.items() if _is_text(value) and value.data in self._templates]
+        if "template" not in node.entries and len(named) == 1:
+            key_node, value = node.entries[named[0]]
+            place, path = subject.origin.of(key_node), subject.part(named[0])
+            message, way_out = f"unknown key {shown(named[0])} in {subject}", "did you mean 'template'?"
+            fix = replacing(place, named[0], "template", safe=False)
+            self._findings.add("unknown-key", message, place, help=way_out, path=path, fix=fix)
+            node.take(named[0])
+            node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
 
     def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
         """Add the elements of a template that is filled with arguments."""
@@ -181,6 +205,10 @@ class _Named:
     def given(self, template: str) -> list[str]:
         """Return the names of all arguments in all uses of a template."""
         return self._given.get(template, [])
+
+
+def _is_text(value: YamlNode) -> bool:
+    return isinstance(value, ScalarNode) and isinstance(value.data, str)
 
 
 def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:

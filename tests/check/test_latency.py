@@ -13,14 +13,12 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.check import CheckedSpec
-from codra_dsl.check.latency import worst_cases, worst_cases_in
-from codra_dsl.check.scope import Scope
+from codra_dsl.check.latency import worst_cases
 from codra_dsl.compiler import compile_paths
 from codra_dsl.experiments.loading import load_start
 from codra_dsl.model import Access, Resource, Usage, needed_of
 from codra_dsl.runtime import ContextManager, SimClock
 from tests.check.slow_perception import Eyes
-from tests.check.specs import checked
 from tests.checked_specs import Pi, checked_spec, place, reference, setting
 
 ROOT = Path(__file__).parents[2]
@@ -217,15 +215,6 @@ def test_no_variable_takes_longer_than_its_bound(drawn: Drawn, tmp_path_factory:
 
             assert taken_s <= bound_s, (name, bound_s)
             event(f"{round(10 * taken_s / bound_s)} tenths of the bound")
-
-
-@settings(max_examples=40)
-@given(drawn=drawn_specs())
-def test_the_bound_is_the_same_while_a_spec_is_being_checked(drawn: Drawn) -> None:
-    spec, _ = checked(drawn.text)
-    assert spec is not None
-
-    assert worst_cases_in(Scope(spec.spec)) == worst_cases(spec)
 
 
 # Waiting for slots, and for alternatives

@@ -11,7 +11,7 @@ import pytest
 
 from codra_dsl.load.compose import compose
 from codra_dsl.load.findings import Findings
-from codra_dsl.load.shape import SCHEMA_FILE, schema
+from codra_dsl.load.schema import SCHEMA_FILE, schema
 from codra_dsl.load.source import accept
 from codra_dsl.load.templates import ParameterKind
 from codra_dsl.model import Access, Isolation, Kind, Refresh, WhenUnobservable

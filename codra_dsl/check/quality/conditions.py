@@ -38,7 +38,7 @@ def _never_holding(scope: Scope, faults: Faults, algorithm: Algorithm) -> Iterat
     types = scope.returned_types[algorithm.name]
     core = contradiction(accepted, types)
     if core:
-        yield _rejects(algorithm, core, types)
+        yield _never_true(algorithm, "accept_when", "rejects every result", core, types)
         return
     for entry in algorithm.identifies:
         if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
@@ -141,17 +141,6 @@ def _always(
     )
 
 
-def _rejects(algorithm: Algorithm, core: Sequence[Stated], types: Types) -> Diagnostic:
-    return finding(
-        "never-holds",
-        f"algorithm '{algorithm.name}' rejects every result: {never_true(core)}",
-        core[-1].place,
-        path=f"perception.{algorithm.name}.accept_when",
-        way_out="change the condition",
-        related=tuple(related_to(core, types, algorithm.returns)),
-    )
-
-
 def _never_identified(
     scope: Scope, algorithm: Algorithm, entry: Identification, accepted: tuple[Stated, ...]
 ) -> Iterator[Diagnostic]:
@@ -165,7 +154,8 @@ def _never_identified(
                 continue
             core = contradiction((*accepted, own), types)
             if core:
-                yield _never_true(algorithm, entry, value, core, types)
+                name = entry.variable.name
+                yield _never_true(algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types)
                 continue
             if len(before) == MAX_MEMBERS:
                 break
@@ -206,15 +196,12 @@ def _denial(each: Stated) -> Node:
     return Not(start=each.tree.start, end=each.tree.end, operand=each.tree)
 
 
-def _never_true(
-    algorithm: Algorithm, entry: Identification, value: str, core: Sequence[Stated], types: Types
-) -> Diagnostic:
-    name = entry.variable.name
+def _never_true(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
     return finding(
         "never-holds",
-        f"algorithm '{algorithm.name}' never identifies '{name}' as {value}: {never_true(core)}",
+        f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
         core[-1].place,
-        path=f"perception.{algorithm.name}.identifies.{name}",
+        path=f"perception.{algorithm.name}.{key}",
         way_out="change the condition",
         related=tuple(related_to(core, types, algorithm.returns)),
     )

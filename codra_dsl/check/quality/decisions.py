@@ -21,7 +21,8 @@ def unreached_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     of_observers = {name for setting in scope.unreached_settings for name in _named(setting)}
     for variable in scope.variables.values():
         name = variable.name
-        if name not in scope.reached and name not in of_observers and faults.sound("context", name):
+        told = name in of_observers or name in scope.spec.damaged.get("context", ())
+        if name not in scope.reached and not told and faults.sound("context", name):
             message, way_out = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
             if name in scope.producers:
                 message += ": it gets no observer"
