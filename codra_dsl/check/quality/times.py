@@ -30,6 +30,7 @@ _ROUNDING = 1e-9
 MAX_TOLD = 5
 """How many algorithms a finding about a resource names."""
 
+
 @dataclass(frozen=True, slots=True)
 class Renewal:
     """How an algorithm renews evidence: it looks again a pause after it began, and has its result within its timeout.
