@@ -11,6 +11,7 @@ from codra_dsl.runtime.journal import Event, Kind, Record
 from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job
+from codra_dsl.runtime.shadow import ShadowReport
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.why import Why
 
@@ -31,6 +32,7 @@ __all__ = [
     "Reading",
     "Reason",
     "Record",
+    "ShadowReport",
     "SimClock",
     "Skill",
     "Subscription",

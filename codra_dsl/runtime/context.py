@@ -26,6 +26,7 @@ from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, Variabl
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
 from codra_dsl.runtime.perception import CallError, Function, Perception, imported
+from codra_dsl.runtime.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
@@ -323,6 +324,10 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise
         self.inputs.conclude(decision, content)
         return found
+
+    def shadow_report(self) -> ShadowReport:
+        """Return how often context agreed with what the robot saw in shadow mode, as far as the record goes back."""
+        return shadow_report(self.record)
 
     def subscribe(
         self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]
