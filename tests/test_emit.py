@@ -253,7 +253,9 @@ with lab.start(clock=SimClock(), resources={}) as codra:
     assert_type(codra.decide("open", otherwise=look), bool)
     assert_type(codra.decide("pose", otherwise=look, max_age_s=1.0), float | bool)
     codra.get("opne")  # type: ignore[call-overload]
-    codra.declare("opne")  # type: ignore[arg-type]
+    codra.declare("opne")  # type: ignore[call-overload]
+    codra.set("mode", "idel")  # type: ignore[call-overload]
+    codra.set("speed", 3)
     codra.expect("open_lid", "raed")  # type: ignore[arg-type]
 """
 
@@ -272,7 +274,7 @@ def test_generated_code_is_typed_and_lets_mypy_find_wrong_names(tmp_path: Path) 
 def test_typed_access_takes_what_the_runtime_takes(tmp_path: Path) -> None:
     lab = type(start(rich(), tmp_path)(clock=SimClock(), resources={"world": World()}))
 
-    for name in ("get", "decide"):
+    for name in ("get", "set", "declare", "decide"):
         ours, theirs = inspect.signature(getattr(lab, name)), inspect.signature(getattr(ContextManager, name))
         assert [(each.name, each.kind, each.default) for each in ours.parameters.values()] == [
             (each.name, each.kind, each.default) for each in theirs.parameters.values()

@@ -25,6 +25,7 @@ from codra_dsl.cli.journal import journal_commands
 from codra_dsl.cli.lint import lint_command
 from codra_dsl.cli.replay import replay_command
 from codra_dsl.cli.run import run_command
+from codra_dsl.cli.shadow import shadow_command
 from codra_dsl.cli.why import why_command
 
 app = typer.Typer(
@@ -43,6 +44,7 @@ app.command("graph")(graph_command)
 app.command("run")(run_command)
 app.command("diff")(diff_command)
 app.command("init")(init_command)
+app.command("shadow")(shadow_command)
 app.command("why")(why_command)
 app.command("replay")(replay_command)
 app.add_typer(journal_commands, name="journal")

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 from codra_dsl.build_plan import BuildPlan
 from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
+from codra_dsl.emit.access import Values, methods
 from codra_dsl.emit.declarations import resource
 from codra_dsl.emit.imports import Imports
-from codra_dsl.emit.layout import WIDTH, Expression, bracketed, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.emit.layout import WIDTH, Expression, bracketed, call, laid_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.emit.literals import text_literal
 from codra_dsl.emit.rendering import made_by, render
 from codra_dsl.model import Kind
@@ -17,30 +17,18 @@ from codra_dsl.model import Kind
 _PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Values:
-    """The variables whose values have one type in Python.
-
-    Attributes:
-        variables: their names.
-        alias: what stands for those names in signatures.
-        type: of their values.
-        members: of an enum, whose type is an alias as well.
-    """
-
-    variables: tuple[str, ...]
-    alias: str
-    type: str
-    members: tuple[str, ...]
+MOST_ENUMS = 50
+"""So many enums have types of their own; variables of others are texts for editors and mypy."""
 
 
 def entry_text(plan: BuildPlan) -> str:
     """Return the text of the package's `__init__.py`."""
     imports = Imports()
-    imports.use_math_for(["math.inf"])
-    imports.use("Callable", "Mapping", "Answer", "Clock", "ContextManager", "ContextModel", "Reading", "Record")
+    imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "Record")
     kinds = _values(plan)
-    imports.use(*(["overload"] if len(kinds) > 1 else []), *(["Any"] if len(kinds) != 1 else []))
+    imports.use_math_for(["math.inf"] if kinds else [])
+    imports.use(*(["Callable", "Reading", "TypeVar"] if kinds else []))
+    imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
     aliases = [*_variable_aliases(kinds), _alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
     return render(
@@ -53,41 +41,57 @@ def entry_text(plan: BuildPlan) -> str:
         aliases=aliases,
         name=plan.name,
         class_name=plan.class_name,
-        overloads=kinds if len(kinds) > 1 else [],
-        value_type=kinds[0].type if len(kinds) == 1 else "Any",
+        methods=list(methods(kinds)),
     )
 
 
-def _values(plan: BuildPlan) -> list[_Values]:
+def _values(plan: BuildPlan) -> list[Values]:
     """Return the variables by type, in the order in which the types first appear."""
     by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
+    enums: set[tuple[str, ...]] = set()
     for variable in plan.checked.variables.values():
-        by_type.setdefault((variable.type.kind, variable.type.values), []).append(variable.name)
+        kind, members = variable.type.kind, variable.type.values
+        if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):
+            enums.add(members)
+        elif kind is Kind.ENUM:
+            kind, members = Kind.STR, ()
+        by_type.setdefault((kind, members), []).append(variable.name)
     taken = {plan.class_name, *ENTRY_NAMES}
     return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
 
 
-def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> _Values:
+def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
     """Return a group with names for it: an enum's are made of its first variable's."""
     if kind in _PLAIN:
-        alias = f"{_PLAIN[kind].capitalize()}Name"
-        return _Values(variables=tuple(variables), alias=alias, type=_PLAIN[kind], members=())
-    type_name = camel_case(variables[0])
-    while {type_name, f"{type_name}Name"} & taken:
-        type_name += "_"
-    taken |= {type_name, f"{type_name}Name"}
-    return _Values(variables=tuple(variables), alias=f"{type_name}Name", type=type_name, members=members)
+        plain = _PLAIN[kind]
+        stem = plain.capitalize()
+        return Values(variables=tuple(variables), alias=f"{stem}Name", type=plain, answer=f"{stem}Answer", members=())
+    stem = camel_case(variables[0])
+    while {stem, f"{stem}Name", f"{stem}Answer"} & taken:
+        stem += "_"
+    taken |= {stem, f"{stem}Name", f"{stem}Answer"}
+    return Values(variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members)
 
 
-def _variable_aliases(kinds: list[_Values]) -> Iterator[str]:
+def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
     for values in kinds:
         if values.members:
             yield _alias(values.type, values.members)
     if len(kinds) > 1:
         yield from (_alias(values.alias, values.variables) for values in kinds)
-        yield f"VariableName = {' | '.join(values.alias for values in kinds)}"
+        yield _union("VariableName", [values.alias for values in kinds])
     else:
         yield _alias("VariableName", [name for values in kinds for name in values.variables])
+    for values in kinds:
+        variable = call("TypeVar", text_literal(values.answer), bound=f"{values.type} | None")
+        yield f"{values.answer} = {laid_out(variable, before=len(values.answer) + 3)}"
+
+
+def _union(name: str, types: list[str]) -> str:
+    """Return the statement that makes `name` stand for any of some types, as `ruff format` leaves it."""
+    flat = f"{name} = {' | '.join(types)}"
+    spread = "\n    | ".join(types)
+    return flat if len(flat) <= WIDTH else f"{name} = (\n    {spread}\n)"
 
 
 def _alias(name: str, members: Iterable[str]) -> str:

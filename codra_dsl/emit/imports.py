@@ -9,7 +9,7 @@ from codra_dsl.emit.layout import WIDTH, Expression, laid_out, spread_tuple
 
 _HOMES: Mapping[str, Iterable[str]] = {
     "collections.abc": ["Callable", "Mapping"],
-    "typing": ["Any", "Literal", "Never", "overload"],
+    "typing": ["Any", "Literal", "Never", "TypeVar", "overload"],
     "py_trees.behaviour": ["Behaviour"],
     "py_trees.common": ["ParallelPolicy"],
     "py_trees.composites": ["Parallel", "Selector", "Sequence"],
@@ -17,7 +17,6 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "codra_dsl.runtime": ["Clock", "ContextManager", "Reading", "Record"],
     "codra_dsl.runtime.behaviours": ["Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"],
     "codra_dsl.runtime.conditions": WORDS,
-    "codra_dsl.runtime.context": ["Answer"],
     "codra_dsl.runtime.model": [
         *[
             "Algorithm",

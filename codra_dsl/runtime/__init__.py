@@ -12,6 +12,7 @@ from codra_dsl.runtime.journal.journal import Journal
 from codra_dsl.runtime.model import ContextModel, NotOfTypeError
 from codra_dsl.runtime.perception import CallError, Job, Spent
 from codra_dsl.runtime.question import Question, Step
+from codra_dsl.runtime.shadow import ShadowReport
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.why import Why
 
@@ -33,6 +34,7 @@ __all__ = [
     "Reading",
     "Reason",
     "Record",
+    "ShadowReport",
     "SimClock",
     "Skill",
     "Spent",

@@ -29,6 +29,7 @@ from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
 from codra_dsl.runtime.perception import CallError, Function, Perception, Spent, imported
 from codra_dsl.runtime.question import Question
+from codra_dsl.runtime.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
@@ -37,9 +38,8 @@ from codra_dsl.runtime.why import Why, explain
 
 VariableName = TypeVar("VariableName", bound=str)
 SkillName = TypeVar("SkillName", bound=str)
-Answer = TypeVar("Answer")
 
-__all__ = ["MAIN", "Answer", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
+__all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
 
 
 class UnknownNameError(LookupError):
@@ -153,7 +153,7 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     # What the main execution declares (P1, Equation 4)
 
-    def declare(self, name: VariableName, value: object = None) -> None:
+    def declare(self, name: VariableName, value: Any = None) -> None:
         """Take a variable into C_E(t), until it is withdrawn; declaring twice changes nothing.
 
         Args:
@@ -268,7 +268,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise ValueError(f"it is {now_s} now: what is at {at_s} is not known yet")
         return explain(self._outlined(), record.ledger, name, now_s if at_s is None else at_s)
 
-    def set(self, name: VariableName, value: object, *, evidence_s: float | None = None) -> None:
+    def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
         """Write a variable as the main execution.
 
         Args:
@@ -303,13 +303,13 @@ class ContextManager(Generic[VariableName, SkillName]):
     def decide(
         self,
         name: VariableName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], Any],
         *,
         max_age_s: float = math.inf,
         since_s: float = -math.inf,
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
-    ) -> Any | Answer:
+    ) -> Any:
         """Answer a decision from context, or fall back to sequential perception (P1, section 3.3).
 
         Args:
@@ -352,6 +352,10 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise
         self.inputs.conclude(decision, content)
         return found
+
+    def shadow_report(self) -> ShadowReport:
+        """Return how often context agreed with what the robot saw in shadow mode, as far as the record goes back."""
+        return shadow_report(self.record)
 
     def subscribe(
         self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]

@@ -215,8 +215,12 @@ class Inputs:
                 self._decided(what, decision, raised=raised)
                 return
             keeps = not shadow and found is not None and self._may_write(name)
-            agrees = {"agrees": found == decision.reading.content}
-            self._decided(what, decision, **(agrees if decision.met else {"found": found, "kept": keeps}))
+            about: dict[str, object] = {"found": found}
+            if not decision.met:
+                about |= {"kept": keeps, **({"shadow": True} if shadow else {})}
+            elif found is not None:
+                about["agrees"] = found == decision.reading.content
+            self._decided(what, decision, **about)
             if keeps:
                 self._store_reading(name, found, MAIN, start_s=decision.looked_s)
 
@@ -303,6 +307,8 @@ class Inputs:
         reading = decision.reading
         why = {"reason": reading.reason, "detail": reading.detail}
         about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
+        if self._begun:  # the skill that was begun last
+            about["skill"] = next(reversed(self._begun.values())).name
         self._scribe.tell(Kind.DECISION, reading.name, what, **about, **details)
 
 

@@ -16,7 +16,8 @@ from codra_dsl.load.findings import Findings, listed
 from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
 from codra_dsl.load.origin import Origin, Subject
 from codra_dsl.load.reader import Reader, entries
-from codra_dsl.load.shape import explain, sound
+from codra_dsl.load.schema import sound
+from codra_dsl.load.shape import explain
 from codra_dsl.load.source import AS_ON_DISK, Source, file_place, read
 from codra_dsl.load.values import read_literal
 from codra_dsl.project import relative, root_of

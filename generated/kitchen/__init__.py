@@ -5,10 +5,9 @@ Made by codra from specs/kitchen.yaml; edits are lost. Renew: codra compile spec
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, overload
+from typing import Any, Literal, Never, TypeVar, overload
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
-from codra_dsl.runtime.context import Answer
 from codra_dsl.runtime.model import ContextModel, ResourceModel
 
 from . import dishwasher, fridge, kitchen
@@ -32,6 +31,11 @@ KettleStateName = Literal["kettle_state"]
 FloatName = Literal["kettle_water", "hob_power", "pot_fill", "fridge_angle", "dishwasher_angle"]
 HobLevelName = Literal["hob_level"]
 VariableName = BoolName | RobotPlaceName | KettleStateName | FloatName | HobLevelName
+BoolAnswer = TypeVar("BoolAnswer", bound=bool | None)
+RobotPlaceAnswer = TypeVar("RobotPlaceAnswer", bound=RobotPlace | None)
+KettleStateAnswer = TypeVar("KettleStateAnswer", bound=KettleState | None)
+FloatAnswer = TypeVar("FloatAnswer", bound=float | None)
+HobLevelAnswer = TypeVar("HobLevelAnswer", bound=HobLevel | None)
 SkillName = Literal["boil_water", "pour_water", "cook", "open_fridge", "open_dishwasher"]
 
 MODEL = ContextModel(
@@ -69,87 +73,131 @@ class Kitchen(ContextManager[VariableName, SkillName]):
         return super().get(name)
 
     @overload
+    def set(self, name: BoolName, value: bool, *, evidence_s: float | None = ...) -> None: ...
+
+    @overload
+    def set(self, name: RobotPlaceName, value: RobotPlace, *, evidence_s: float | None = ...) -> None: ...
+
+    @overload
+    def set(self, name: KettleStateName, value: KettleState, *, evidence_s: float | None = ...) -> None: ...
+
+    @overload
+    def set(self, name: FloatName, value: float, *, evidence_s: float | None = ...) -> None: ...
+
+    @overload
+    def set(self, name: HobLevelName, value: HobLevel, *, evidence_s: float | None = ...) -> None: ...
+
+    @overload
+    def set(self, name: VariableName, value: Never, *, evidence_s: float | None = ...) -> None: ...
+
+    def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
+        """Write a variable as the main execution."""
+        super().set(name, value, evidence_s=evidence_s)
+
+    @overload
+    def declare(self, name: BoolName, value: bool | None = None) -> None: ...
+
+    @overload
+    def declare(self, name: RobotPlaceName, value: RobotPlace | None = None) -> None: ...
+
+    @overload
+    def declare(self, name: KettleStateName, value: KettleState | None = None) -> None: ...
+
+    @overload
+    def declare(self, name: FloatName, value: float | None = None) -> None: ...
+
+    @overload
+    def declare(self, name: HobLevelName, value: HobLevel | None = None) -> None: ...
+
+    @overload
+    def declare(self, name: VariableName, value: None = None) -> None: ...
+
+    def declare(self, name: VariableName, value: Any = None) -> None:
+        """Take a variable into what the main execution needs, with a value if it knows one."""
+        super().declare(name, value)
+
+    @overload
     def decide(
         self,
         name: BoolName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], BoolAnswer],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> bool | Answer: ...
+    ) -> bool | BoolAnswer: ...
 
     @overload
     def decide(
         self,
         name: RobotPlaceName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], RobotPlaceAnswer],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> RobotPlace | Answer: ...
+    ) -> RobotPlace | RobotPlaceAnswer: ...
 
     @overload
     def decide(
         self,
         name: KettleStateName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], KettleStateAnswer],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> KettleState | Answer: ...
+    ) -> KettleState | KettleStateAnswer: ...
 
     @overload
     def decide(
         self,
         name: FloatName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], FloatAnswer],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> float | Answer: ...
+    ) -> float | FloatAnswer: ...
 
     @overload
     def decide(
         self,
         name: HobLevelName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], HobLevelAnswer],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> HobLevel | Answer: ...
+    ) -> HobLevel | HobLevelAnswer: ...
 
     @overload
     def decide(
         self,
         name: VariableName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], Never],
         *,
         max_age_s: float = ...,
         since_s: float = ...,
         wait_up_to_s: float = ...,
         shadow: bool = ...,
-    ) -> Any | Answer: ...
+    ) -> Any: ...
 
     def decide(
         self,
         name: VariableName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], Any],
         *,
         max_age_s: float = math.inf,
         since_s: float = -math.inf,
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
-    ) -> Any | Answer:
+    ) -> Any:
         """Answer a decision from context, or fall back to sequential perception."""
         return super().decide(
             name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow

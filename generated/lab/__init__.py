@@ -5,10 +5,9 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import Literal, TypeVar
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
-from codra_dsl.runtime.context import Answer
 from codra_dsl.runtime.model import ContextModel, ResourceModel
 
 from . import centrifuge, lab, pcr_cycler
@@ -30,6 +29,7 @@ VariableName = Literal[
     "pcr_cycler_open",
     "pcr_cycler_locked",
 ]
+BoolAnswer = TypeVar("BoolAnswer", bound=bool | None)
 SkillName = Literal[
     "turn_centrifuge_rotor",
     "take_samples_from_centrifuge",
@@ -62,20 +62,29 @@ class Lab(ContextManager[VariableName, SkillName]):
         """Return what is known of a variable now."""
         return super().get(name)
 
+    def set(self, name: VariableName, value: bool, *, evidence_s: float | None = None) -> None:
+        """Write a variable as the main execution."""
+        super().set(name, value, evidence_s=evidence_s)
+
+    def declare(self, name: VariableName, value: bool | None = None) -> None:
+        """Take a variable into what the main execution needs, with a value if it knows one."""
+        super().declare(name, value)
+
     def decide(
         self,
         name: VariableName,
-        otherwise: Callable[[], Answer],
+        otherwise: Callable[[], BoolAnswer],
         *,
         max_age_s: float = math.inf,
         since_s: float = -math.inf,
         wait_up_to_s: float = 0.0,
         shadow: bool = False,
-    ) -> bool | Answer:
+    ) -> bool | BoolAnswer:
         """Answer a decision from context, or fall back to sequential perception."""
-        return super().decide(
+        answer: BoolAnswer = super().decide(
             name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
         )
+        return answer
 
 
 def start(

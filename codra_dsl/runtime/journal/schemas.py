@@ -201,7 +201,9 @@ def _of_decision(name: str, outline: Outline) -> tuple[str, Field]:
         asked_s=_field("number", "When it was asked."),
         found=_field(_JSON_TYPES[kind], "What the main execution saw itself."),
         kept=_field("boolean", "Whether that was kept as evidence."),
-        agrees=_field("boolean", "Whether that is what context held."),
+        agrees=_field("boolean", "Whether that is what context held; left out if it saw nothing."),
+        shadow=_field("boolean", "Whether the main execution would have looked in any case."),
+        skill=_field("string", "The skill under way that was begun last; left out if there was none."),
         raised=_field("string", "The error that looking raised."),
     )
 

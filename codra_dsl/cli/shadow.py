@@ -1,0 +1,50 @@
+"""`codra shadow`: how often context agreed with the perception that it is to replace, from the journal of a run."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import ExitCode, existing, say, write_result
+
+if TYPE_CHECKING:
+    from codra_dsl.runtime.shadow import ShadowReport
+
+JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
+
+
+class ShadowFormat(StrEnum):
+    """How the report is shown."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+def shadow_command(
+    file: JournalFile,
+    *,
+    format_: Annotated[ShadowFormat, typer.Option("--format", help="How it is shown.")] = ShadowFormat.TEXT,
+) -> None:
+    """Say how often context agreed with what the robot saw itself, in decisions with `shadow=True`."""
+    from codra_dsl.cli.journals import read_journal
+    from codra_dsl.runtime.shadow import shadow_report
+
+    existing([file])
+    _, events = read_journal(file)
+    try:
+        report = shadow_report(events)
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        say(f"codra: the decisions in '{file}' cannot be read: {type(error).__name__}: {error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    write_result(f"{report}\n" if format_ is ShadowFormat.TEXT else _json(report))
+
+
+def _json(report: ShadowReport) -> str:
+    import dataclasses
+
+    from codra_dsl.runtime.journal.encoding import json_text
+
+    return f"{json_text(dataclasses.asdict(report))}\n"

@@ -1,0 +1,178 @@
+"""Typed access to the variables of a spec: methods whose signatures tie the names of variables to their values.
+
+There is one signature for each type of value, not for each variable, so that a spec may have any number of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.emit.layout import WIDTH
+
+_INDENT = 4
+_NAMES = "VariableName"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Values:
+    """The variables whose values have one type in Python.
+
+    Attributes:
+        variables: their names.
+        alias: what stands for those names in signatures.
+        type: of their values.
+        answer: the type variable for what a look for one of them returns.
+        members: of an enum, whose type is an alias as well.
+    """
+
+    variables: tuple[str, ...]
+    alias: str
+    type: str
+    answer: str
+    members: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A method of the generated context manager, as its template takes it."""
+
+    overloads: tuple[str, ...]
+    definition: str
+    docstring: str
+    body: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Shape:
+    """A method before its types are put in.
+
+    Attributes:
+        typed: the arguments after `name` whose types depend on the variable's, and what they are for one type.
+        last: the same for variables of any type: only what is right for all of them.
+        whole: the same in a definition that has several signatures.
+        rest: further arguments, with their defaults.
+        returns: what it returns for one type.
+        returned: what it returns for several.
+    """
+
+    name: str
+    docstring: str
+    call: str
+    typed: str
+    last: str
+    whole: str
+    rest: Mapping[str, str]
+    returns: str
+    returned: str
+
+
+_SHAPES = (
+    _Shape(
+        name="get",
+        docstring="Return what is known of a variable now.",
+        call="super().get(name)",
+        typed="",
+        last="",
+        whole="",
+        rest={},
+        returns="Reading[{type}]",
+        returned="Reading[Any]",
+    ),
+    _Shape(
+        name="set",
+        docstring="Write a variable as the main execution.",
+        call="super().set(name, value, evidence_s=evidence_s)",
+        typed="value: {type}",
+        last="value: Never",
+        whole="value: Any",
+        rest={"evidence_s: float | None": "None"},
+        returns="None",
+        returned="None",
+    ),
+    _Shape(
+        name="declare",
+        docstring="Take a variable into what the main execution needs, with a value if it knows one.",
+        call="super().declare(name, value)",
+        typed="value: {type} | None = None",
+        last="value: None = None",
+        whole="value: Any = None",
+        rest={},
+        returns="None",
+        returned="None",
+    ),
+    _Shape(
+        name="decide",
+        docstring="Answer a decision from context, or fall back to sequential perception.",
+        call="""super().decide(
+            name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
+        )""",
+        typed="otherwise: Callable[[], {answer}]",
+        last="otherwise: Callable[[], Never]",
+        whole="otherwise: Callable[[], Any]",
+        rest={
+            "max_age_s: float": "math.inf",
+            "since_s: float": "-math.inf",
+            "wait_up_to_s: float": "0.0",
+            "shadow: bool": "False",
+        },
+        returns="{type} | {answer}",
+        returned="Any",
+    ),
+)
+
+
+def methods(kinds: Sequence[Values]) -> Iterator[Method]:
+    """Yield the methods for variables of some types; there are none for a spec without variables."""
+    for shape in _SHAPES if kinds else ():
+        yield _overloaded(shape, kinds) if len(kinds) > 1 else _plain(shape, kinds[0])
+
+
+def _overloaded(shape: _Shape, kinds: Sequence[Values]) -> Method:
+    """Return a method with one signature for each type, then one for any name, as the base has it, and no value."""
+    rest = [f"{argument} = ..." for argument in shape.rest]
+    overloads = [
+        _signature(shape, each.alias, _of(shape.typed, each), rest, _of(shape.returns, each)) for each in kinds
+    ]
+    overloads.append(_signature(shape, _NAMES, shape.last, rest, shape.returned))
+    definition = _signature(shape, _NAMES, shape.whole, _with_defaults(shape), shape.returned)
+    return Method(tuple(overloads), definition, shape.docstring, _returning(shape.call, shape.returned))
+
+
+def _plain(shape: _Shape, kind: Values) -> Method:
+    """Return a method for values of one type."""
+    returns = _of(shape.returns, kind)
+    definition = _signature(shape, _NAMES, _of(shape.typed, kind), _with_defaults(shape), returns)
+    body = _returning(shape.call, returns)
+    if shape.returned == "Any":
+        body = f"answer: {kind.answer} = {shape.call}\n        return answer"
+    return Method((), definition, shape.docstring, body)
+
+
+def _with_defaults(shape: _Shape) -> list[str]:
+    return [f"{argument} = {default}" for argument, default in shape.rest.items()]
+
+
+def _returning(call: str, returns: str) -> str:
+    return call if returns == "None" else f"return {call}"
+
+
+def _of(text: str, kind: Values) -> str:
+    return text.format(type=kind.type, answer=kind.answer)
+
+
+def _signature(shape: _Shape, names: str, typed: str, rest: Sequence[str], returns: str) -> str:
+    """Return a signature as `ruff format` leaves it: on one line, else all arguments on one, else one a line."""
+    before, after = f"def {shape.name}(", f") -> {returns}:"
+    given = ("self", f"name: {names}", *([typed] if typed else []), *(["*", *rest] if rest else []))
+    flat = ", ".join(given)
+    if _INDENT + len(before) + len(flat) + len(after) + len(" ...") <= WIDTH:
+        return f"{before}{flat}{after}"
+    inner, outer = " " * (2 * _INDENT), " " * _INDENT
+    if len(inner) + len(flat) <= WIDTH:
+        return f"{before}\n{inner}{flat}\n{outer}{after}"
+    if _INDENT + len(after) + len(" ...") > WIDTH and " | " in returns:
+        types = f"\n{inner}| ".join(returns.split(" | "))
+        after = f") -> (\n{inner}{types}\n{outer}):"
+    lines = f",\n{inner}".join(given)
+    return f"{before}\n{inner}{lines},\n{outer}{after}"
