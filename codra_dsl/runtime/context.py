@@ -373,10 +373,11 @@ class ContextManager(Generic[VariableName, SkillName]):
         try:
             if not self._clock.wait_until(granted.is_set, math.inf):
                 raise RuntimeError("the clock was closed before the slots were free")
-            held.update(wanted)
+            held.update(dict.fromkeys(wanted))
             yield
         finally:
-            held.difference_update(wanted)
+            for resource in wanted:
+                held.pop(resource, None)
             self.inputs.release_slots(number)
 
     # Within
@@ -402,11 +403,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             package_folder(self),
         )
 
-    def _held(self) -> set[str]:
+    def _held(self) -> dict[str, None]:
         """Return the resources of which this thread has a slot."""
         if not hasattr(self._of_thread, "held"):
-            self._of_thread.held = set()
-        held: set[str] = self._of_thread.held
+            self._of_thread.held = {}
+        held: dict[str, None] = self._of_thread.held
         return held
 
     def _check_slots(self, resource: str) -> None:
