@@ -100,6 +100,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.record = Record() if record is None else record
         self._name = model.name
         self._lock = threading.RLock()
+        self._of_thread = threading.local()
         self._clock = LockedClock(clock, self._lock)
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
@@ -425,31 +426,39 @@ class ContextManager(Generic[VariableName, SkillName]):
     def slot(self, *resources: str) -> Iterator[None]:
         """Use slots of shared resources as the main execution: it goes before every observer.
 
-        It waits for the job that has the slot, for the longest timeout of those at most.
+        It waits for the job that has the slot, for the longest timeout of those at most. Within it the same thread may
+        ask for the same slots again: it has them.
 
         Raises:
             UnknownNameError: if the spec has no such resource, or one without slots.
-            RuntimeError: if the clock was closed before the slots were free.
+            RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
+                Or if the clock was closed before the slots were free.
         """
         for resource in resources:
-            if resource not in self._slots.resources:
-                raise _unknown("resource", resource, self._slots.resources)
-            if self._slots.resources[resource] == math.inf:
-                raise UnknownNameError(
-                    f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
-                )
+            self._check_slots(resource)
+        held = self._held()
+        wanted = tuple(name for name in dict.fromkeys(resources) if name not in held)
+        if not wanted:
+            yield
+            return
+        if held:
+            together = ", ".join(repr(name) for name in (*sorted(held), *wanted))
+            raise RuntimeError(f"slots are taken together, lest two threads wait for each other: slot({together})")
         granted = threading.Event()
 
         def grant() -> None:
             granted.set()
             self._clock.notify()
 
-        number = self.inputs.request_slots(resources, grant)
+        number = self.inputs.request_slots(wanted, grant)
         try:
             if not self._clock.wait_until(granted.is_set, math.inf):
                 raise RuntimeError("the clock was closed before the slots were free")
+            held.update(dict.fromkeys(wanted))
             yield
         finally:
+            for resource in wanted:
+                held.pop(resource, None)
             self.inputs.release_slots(number)
 
     # Within
@@ -488,6 +497,21 @@ class ContextManager(Generic[VariableName, SkillName]):
             self._skills.values(),
             package_folder(self),
         )
+
+    def _held(self) -> dict[str, None]:
+        """Return the resources of which this thread has a slot."""
+        if not hasattr(self._of_thread, "held"):
+            self._of_thread.held = {}
+        held: dict[str, None] = self._of_thread.held
+        return held
+
+    def _check_slots(self, resource: str) -> None:
+        if resource not in self._slots.resources:
+            raise _unknown("resource", resource, self._slots.resources)
+        if self._slots.resources[resource] == math.inf:
+            raise UnknownNameError(
+                f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
+            )
 
     def _reading(self, name: str) -> Reading[Value]:
         try:

@@ -15,22 +15,25 @@ Precedence = Callable[[], tuple[float, int]]
 MAIN_EXECUTION = math.inf
 """The priority of the main execution: it goes before every observer (P1, section 3.2)."""
 
+_TOLERANCE_S = 1e-9
+
 
 class Ticket:
     """A place in the queue for slots, then the slots themselves.
 
     Attributes:
+        lasts_s: for how long it uses the slots at most.
         age_s: how long it has waited, not counting the time in which the main execution left no slot.
     """
 
-    __slots__ = ("_precedence", "age_s", "grant", "held", "number", "patience_s", "slots")
+    __slots__ = ("_precedence", "age_s", "grant", "held", "lasts_s", "number", "slots")
 
     def __init__(
-        self, slots: tuple[str, ...], precedence: Precedence, number: int, patience_s: float, grant: Callable[[], None]
+        self, slots: tuple[str, ...], precedence: Precedence, number: int, lasts_s: float, grant: Callable[[], None]
     ) -> None:
         self.slots = slots
         self.number = number
-        self.patience_s = patience_s
+        self.lasts_s = lasts_s
         self.grant = grant
         self.age_s = 0.0
         self.held = False
@@ -41,24 +44,19 @@ class Ticket:
         """Return whether the main execution asks."""
         return self._precedence()[0] == MAIN_EXECUTION
 
-    def rank(self) -> tuple[float, ...]:
+    def rank(self) -> tuple[float, int, int]:
         """Return its place among those that wait: the smaller goes first."""
         priority, urgency = self._precedence()
-        if priority == MAIN_EXECUTION:
-            return (0, self.number)
-        if self.age_s >= self.patience_s:
-            return (1, self.number)
-        return (2, -priority, -urgency, self.number)
+        return (-priority, -urgency, self.number)
 
 
 class Slots:
-    """Grants slots by priority, then urgency, then waiting time; but who has waited long goes before all priorities.
+    """Grants slots by priority, then urgency, then waiting time, as long as nobody is passed over for too long.
 
-    Who waits grows older while observers could have had the slot. Once older than the longest timeout of all jobs that
-    use it, a request goes before all observers that are not as old, the oldest request first. So among n algorithms,
-    each of which asks for one job at a time, none waits longer than n times that timeout, of the slot time that the
-    main execution leaves free: one timeout until it is that old, one for the job that has the slot then, and one each
-    for the n - 2 others that may be older.
+    Who waits grows older while observers could have had the slot. Where n algorithms use a resource, each with one job
+    at a time, and the longest timeout of these is T, none waits until it is older than n T: a request passes older ones
+    only if each of them could still begin in time were all that are older yet to take as long as they may. So the
+    oldest can always go, and what has just come, with n - 1 others before it, has T to spare.
 
     Several slots are granted together or not at all, so that nobody holds one while waiting for another; and whoever
     waits for several is not passed by those who need only one of them and rank lower.
@@ -70,7 +68,7 @@ class Slots:
         self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
         self._all = dict(self._free)
         self._main: Counter[str] = Counter()
-        self._patience_s: dict[str, float] = {}
+        self._users_s: dict[str, list[float]] = {}
         self._queue: list[Ticket] = []
         self._requests = 0
         self._counted_s = clock.now_s()
@@ -81,17 +79,17 @@ class Slots:
         return self._free
 
     def expect(self, slots: Iterable[str], timeout_s: float) -> None:
-        """Say that there are jobs that use some slots for so long at most."""
+        """Say that there is an algorithm whose jobs use some slots for so long at most."""
         for slot in slots:
-            self._patience_s[slot] = max(self._patience_s.get(slot, 0.0), timeout_s)
+            self._users_s.setdefault(slot, []).append(timeout_s)
 
-    def request(self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None]) -> Ticket:
+    def request(
+        self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], lasts_s: float = 0.0
+    ) -> Ticket:
         """Queue for slots; `grant` is called once all are free, in an event of its own."""
         self._grow_older()
         self._requests += 1
-        names = tuple(dict.fromkeys(slots))
-        patience_s = max((self._patience_s.get(name, math.inf) for name in names), default=math.inf)
-        ticket = Ticket(names, precedence, self._requests, patience_s, grant)
+        ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._requests, lasts_s, grant)
         self._queue.append(ticket)
         self._grant_soon()
         return ticket
@@ -121,11 +119,26 @@ class Slots:
     def _next(self) -> Ticket | None:
         """Return the first in the queue whose slots are free, counting those that the ones before it wait for."""
         wanted: Counter[str] = Counter()
+        spare_s = self._spare_s()
         for ticket in sorted(self._queue, key=Ticket.rank):
+            if ticket.lasts_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
+                continue
             if all(self._free[slot] > wanted[slot] for slot in ticket.slots):
                 return ticket
             wanted.update(ticket.slots)
         return None
+
+    def _spare_s(self) -> dict[int, float]:
+        """Return, by the number of each request, how long older ones can still be held up by it."""
+        spare_s: dict[int, float] = {}
+        for slot, users_s in self._users_s.items():
+            least_s, before_s = math.inf, 0.0
+            for ticket in self._queue:
+                if slot in ticket.slots and not ticket.is_of_main_execution:
+                    spare_s[ticket.number] = min(least_s, spare_s.get(ticket.number, math.inf))
+                    least_s = min(least_s, len(users_s) * max(users_s) - ticket.age_s - before_s)
+                    before_s += ticket.lasts_s
+        return spare_s
 
     def _move(self, ticket: Ticket, count: int) -> None:
         """Give slots back, or take them."""

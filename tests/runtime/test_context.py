@@ -467,8 +467,9 @@ def test_a_resource_without_slots_gives_none() -> None:
 def test_waiting_for_slots_that_nobody_can_free_is_an_error_in_simulated_time() -> None:
     model = forest([], slots={"one": 1})
     with started_forest(model, World()) as manager:
+        manager.inputs.request_slots(("one",), lambda: None)
         for _ in range(2):
-            with manager.slot("one"), pytest.raises(RuntimeError, match=r"wait for ever"), manager.slot("one"):
+            with pytest.raises(RuntimeError, match=r"wait for ever"), manager.slot("one"):
                 pass
 
 

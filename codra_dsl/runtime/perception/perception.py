@@ -112,7 +112,9 @@ class Perception:
         attempt = Attempt(algorithm, self._requested[algorithm.name], arguments, changed)
         self._requested[algorithm.name] += 1
         attempt.requested_s = self._clock.now_s()
-        attempt.ticket = self._slots.request(algorithm.slots, precedence, lambda: self._begin(attempt))
+        attempt.ticket = self._slots.request(
+            algorithm.slots, precedence, lambda: self._begin(attempt), algorithm.timeout_s
+        )
         return attempt
 
     def cancel(self, attempt: Attempt) -> None:

@@ -1,0 +1,214 @@
+"""What isolated perception algorithms call in tests: well and badly behaved, in a process of its own or in a thread."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+KEPT: list[bytes] = []
+"""What a process keeps from one job to the next."""
+
+
+def counts(*, job: Any) -> dict[str, object]:
+    """Everything that `job` has, and how many jobs this process has done."""
+    start_s = job.now_s()
+    KEPT.append(b"")
+    job.sleep(job.random.uniform(0.1, 0.4))
+    job.evidence(start_s, job.now_s())
+    job.sleep(0.1)
+    return {"seen": job.index % 3 != 0 and not job.cancelled, "number": len(KEPT), "pid": os.getpid()}
+
+
+def echoes(*, what: str, given: bool, job: Any) -> dict[str, object]:
+    return {"seen": given, "text": f"{what} {job.index}"}
+
+
+def asks(*, camera: Any, gain: Any, job: Any) -> dict[str, object]:
+    frame = camera.frame(2, gain=gain)
+    camera.noted.append(3)
+    return {"seen": frame.mean() == 2 * gain, "number": camera.edges + len(camera.lens.names), "pid": job.index}
+
+
+def calls_the_handle(*, camera: Any, job: Any) -> dict[str, object]:
+    return {"seen": True, "number": int(camera(job.index))}
+
+
+def raises(*, job: Any) -> object:
+    raise ValueError("no picture")
+
+
+def exits(*, job: Any) -> object:
+    sys.exit(3)
+
+
+def dies(*, job: Any) -> object:
+    os._exit(3)
+
+
+def dies_when_asked(*, pids: str, job: Any) -> object:
+    """Fine, but that it says who it is."""
+    with Path(pids).open("a") as stream:
+        stream.write(f"{os.getpid()}\n")
+    return {"seen": True}
+
+
+def crashes(*, job: Any) -> object:
+    os.kill(os.getpid(), signal.SIGSEGV)
+    time.sleep(60)
+    return {}
+
+
+def returns_100_mb(*, job: Any) -> object:
+    return {"seen": b"x" * 10**8}
+
+
+def returns_a_long_text(*, job: Any) -> object:
+    return {"text": "x" * 10**8}
+
+
+def returns_much(*, job: Any) -> object:
+    return {f"value{number}": "x" * 9_000 for number in range(1000)}
+
+
+def returns_a_list(*, job: Any) -> object:
+    return [1]
+
+
+def returns_nothing(*, job: Any) -> object:
+    return {}
+
+
+def returns_a_large_number(*, job: Any) -> object:
+    return {"number": 2**70}
+
+
+def keeps_100_mb(*, job: Any) -> object:
+    KEPT.append(os.urandom(10**8))
+    return {"seen": True}
+
+
+def deaf(*, pids: str, job: Any) -> object:
+    """Ignores all signals, as do its children, one of which is a daemon; they eat cores."""
+    for number in range(1, signal.NSIG):
+        if number not in (signal.SIGKILL, signal.SIGSTOP):
+            try:
+                signal.signal(number, signal.SIG_IGN)
+            except (OSError, ValueError):
+                continue
+    if os.fork() == 0 and os.fork() == 0:
+        os.setsid()
+    with Path(pids).open("a") as stream:
+        stream.write(f"{os.getpid()}\n")
+    while True:
+        pass
+
+
+def eats_a_core(*, job: Any) -> object:
+    while True:
+        pass
+
+
+def floods_its_output(*, job: Any) -> object:
+    while True:
+        os.write(1, b"nonsense " * 1000 + b"\n")
+
+
+def floods_its_connection(*, job: Any) -> object:
+    """Writes to whatever it finds open."""
+    while True:
+        for descriptor in range(3, 20):
+            try:
+                os.write(descriptor, b"\xff" * 100_000)
+            except OSError:
+                continue
+
+
+def sends_pickles(*, job: Any) -> object:
+    """What would run code in the program if it were unpickled."""
+    bad = b"cos\nsystem\n(S'echo bad'\ntR."
+    return _sends(len(bad).to_bytes(4, "big") + bad)
+
+
+def asks_for_what_is_hidden(*, camera: Any, job: Any) -> object:
+    message = b'["call", ["camera", "__class__", "__init__", "__globals__", "clear"], [], {}]'
+    return _sends(len(message).to_bytes(4, "big") + message)
+
+
+def _sends(data: bytes) -> object:
+    for descriptor in range(3, 20):
+        try:
+            os.write(descriptor, data)
+        except OSError:
+            continue
+    time.sleep(60)
+    return {}
+
+
+class Net:
+    """A class as a `call`: it writes down what it goes through."""
+
+    def __init__(self) -> None:
+        self.jobs = 0
+
+    def setup(self, *, log: str, camera: Any = None) -> None:
+        self.log = Path(log)
+        self._note("setup" if camera is None else f"setup {camera.edges}")
+
+    def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
+        self.jobs += 1
+        self._note("perceive")
+        return {"seen": True, "number": self.jobs}
+
+    def close(self) -> None:
+        self._note("close")
+
+    def _note(self, what: str) -> None:
+        with self.log.open("a") as stream:
+            stream.write(f"{what}\n")
+
+
+class NetThatDies(Net):
+    def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
+        found = super().perceive(log=log, job=job)
+        if job.index == 1:
+            os._exit(0)
+        return found
+
+
+class NeverSetUp:
+    def setup(self) -> None:
+        raise ValueError("no weights")
+
+    def perceive(self, *, job: Any) -> object:
+        return {"seen": True}
+
+
+class SetUpLate:
+    """Whose first job comes to nothing, because setting up takes longer than a job may."""
+
+    def setup(self) -> None:
+        time.sleep(0.5)
+
+    def perceive(self, *, job: Any) -> object:
+        return {"seen": True}
+
+
+class NeverClosed:
+    def perceive(self, *, job: Any) -> object:
+        return {"seen": True}
+
+    def close(self) -> None:
+        raise ValueError("no way")
+
+
+class StuckInClose(NeverClosed):
+    def close(self) -> None:
+        time.sleep(60)
+
+
+class Blind:
+    """A class that cannot perceive."""
