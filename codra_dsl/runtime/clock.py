@@ -251,6 +251,7 @@ class WallClock(Clock):
         self._changed = threading.Condition()
         self._events: list[tuple[float, int, Timer]] = []
         self._scheduled = 0
+        self._waiting = 0
         self._closed = False
         self._dispatcher = threading.Thread(target=self._dispatch, name="codra-clock", daemon=True)
         self._dispatcher.start()
@@ -290,13 +291,21 @@ class WallClock(Clock):
         """Wait until `ready()` holds after a `notify`, the timeout is over, or the clock is closed."""
         self._check_thread()
         with self._changed:
-            self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
-            return ready()
+            self._waiting += 1
+            try:
+                self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
+                return ready()
+            finally:
+                self._waiting -= 1
 
     def notify(self) -> None:
-        """Wake those who wait."""
-        with self._changed:
-            self._changed.notify_all()
+        """Wake those who wait.
+
+        Who waits counts itself before it looks, and who notifies looks for waiters after it wrote: one sees the other.
+        """
+        if self._waiting:
+            with self._changed:
+                self._changed.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Run the work in a daemon thread of its own."""
@@ -356,7 +365,8 @@ class LockedClock(Clock):
     def __enter__(self) -> None:
         self._lock.acquire()
         if not self._depth:
-            self._instant_s = max(self._instant_s, self._clock.now_s())
+            now_s = self._clock.now_s()
+            self._instant_s = max(self._instant_s, now_s)
             self._stepping = get_ident()
         self._depth += 1
 
@@ -368,8 +378,9 @@ class LockedClock(Clock):
 
     def now_s(self) -> float:
         """Return the present instant; within a step that of its beginning."""
-        is_within = self._stepping is not None and self._stepping == get_ident()
-        return self._instant_s if is_within else self._clock.now_s()
+        if self._stepping is not None and self._stepping == get_ident():
+            return self._instant_s
+        return self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""

@@ -104,6 +104,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._name = model.name
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
+        self._notify = clock.notify
         self._scribe = Scribe(self.record, self._clock, lambda: self._clock.steps)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
@@ -221,8 +222,13 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
         """
-        reading = self._reading(name)
-        return reading if reading.reason is None else self._explained(reading)
+        cell = self._store.cells.get(name)
+        if cell is None:
+            raise _unknown("variable", name, self._store.cells)
+        reading = cell.reading
+        if reading.reason is None and reading.expires_s > self._clock.now_s():
+            return reading
+        return self._explained(reading.at(self._clock.now_s()))
 
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
@@ -417,13 +423,15 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise _unknown("skill", name, self._skills)
         return self._skills[name]
 
-    def _changed(self, name: str) -> None:
-        self._forest.changed(name)
-        self._clock.notify()
+    def _changed(self, name: str, is_renewed: bool) -> None:
+        self._forest.changed(name, is_renewed)
+        self._notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
-        content = self._model(name).type.convert(value)
-        self.inputs.write(name, content, writer, evidence_s)
+        model = self._store.variables.get(name)
+        if model is None:
+            raise _unknown("variable", name, self._store.variables)
+        self.inputs.write(name, model.type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
         for name in observer.model.identifies:

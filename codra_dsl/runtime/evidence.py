@@ -131,7 +131,8 @@ class Watch:
 
     def __init__(self, term: Term) -> None:
         self._term = term
-        self._evidence: tuple[float, str] | None = None
+        self._names = sorted(term.variables())
+        self._evidence: tuple[float, str, int] | None = None
         self._seen_s = BEFORE_ALL_S
         self._held = False
 
@@ -145,8 +146,11 @@ class Watch:
                 else wrote without it is lost only once the condition has held and fails.
             now_s: the present instant.
         """
-        if self._evidence != (reading.evidence_s, reading.source):
-            self._evidence = (reading.evidence_s, reading.source)
+        evidence = (reading.evidence_s, reading.source, sum(cells[name].late for name in self._names))
+        if (
+            self._evidence != evidence
+        ):  # also when the past has changed: what is lost does not depend on who looked when
+            self._evidence = evidence
             self._seen_s, self._held = reading.evidence_s, is_own
         start_s = max(self._seen_s, told_from_s(self._term, cells))
         loss_s = first_loss(self._term, cells, start_s, now_s, self._held)

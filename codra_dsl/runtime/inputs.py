@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import NotASourceError
-from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
 from codra_dsl.runtime.declarations import Declarations
@@ -139,7 +139,7 @@ class Inputs:
             if self._scribe.takes_inputs:
                 self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
-            if writer == MAIN and not self._may_write(name):
+            if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
                     f"the main execution may only while it has declared it{_way_of_agents(model)}"
@@ -233,21 +233,24 @@ class Inputs:
         start_s: float | None = None,
     ) -> None:
         now_s = self._clock.now_s()
-        evidence_s = now_s if evidence_s is None else evidence_s
-        if not evidence_s <= now_s:
+        if evidence_s is None:
+            evidence_s = now_s
+        elif not evidence_s <= now_s:
             raise ValueError(f"evidence for {name!r} was taken at {now_s} at the latest, not at {evidence_s}")
-        reason = Reason.REJECTED if content is None else None
-        self._store.write(
-            Reading(
+        start_s = evidence_s if start_s is None else start_s
+        if content is None:
+            reading: Reading[Value] = Reading(
                 name=name,
-                content=content,
-                reason=reason,
+                reason=Reason.REJECTED,
                 evidence_s=evidence_s,
-                start_s=evidence_s if start_s is None else start_s,
+                start_s=start_s,
                 identified_s=now_s,
                 source=writer,
             )
-        )
+        else:
+            expires_s = evidence_s + self._store.variables[name].valid_for_s
+            reading = known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
+        self._store.write(reading)
 
     def _look_up(self, decision: Decision) -> None:
         decision.reading = self._store.reading(decision.demand.variable)

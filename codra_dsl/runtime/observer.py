@@ -62,6 +62,10 @@ class Observer:
         """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
         return tuple(sorted({name for term in self._terms() for name in term.variables()}))
 
+    def needs_age_of(self) -> tuple[str, ...]:
+        """Return the context-variables of which newer evidence may matter though the value is the same, sorted."""
+        return tuple(sorted({name for term in self._aging for name in term.variables()}))
+
     def observable(self, variable: str) -> Term | None:
         """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
         conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
@@ -146,7 +150,7 @@ class Observer:
             return []
         for variable in self.model.identifies:
             self._settle(variable)
-        if self._concluded:
+        if self._concluded and self._is_unsettled():
             self.touch()
         return self._writes
 
@@ -210,6 +214,12 @@ class Observer:
                 self._make_unknown(variable, setback)
         if forgets and variable in self._watches:
             self._forget_unseen(variable)
+
+    def _is_unsettled(self) -> bool:
+        """Return whether, after an attempt, another tick at this instant may bring something."""
+        if self._setbacks or len(self._branches) > 1:
+            return True
+        return self._branches[0].next_start_s() <= self.now_s
 
     def _alternative_is_busy(self, variable: str) -> bool:
         """Return whether an algorithm that has not been set back itself may still deliver."""
