@@ -64,16 +64,16 @@ class Work(ABC):
     """The time of one piece of work, as the work itself sees it."""
 
     def __init__(self) -> None:
-        self._cancelled = threading.Event()
+        self._is_cancelled = False
 
     @property
     def cancelled(self) -> bool:
         """Return whether nobody waits for the outcome any more."""
-        return self._cancelled.is_set()
+        return self._is_cancelled
 
     def cancel(self) -> None:
         """Tell the work that nobody waits for its outcome; its next `sleep` raises `Cancelled`."""
-        self._cancelled.set()
+        self._is_cancelled = True
 
     @abstractmethod
     def now_s(self) -> float:
@@ -225,12 +225,17 @@ class _RealWork(Work):
     def __init__(self, clock: Clock) -> None:
         super().__init__()
         self._clock = clock
+        self._waking = threading.Event()
 
     def now_s(self) -> float:
         return self._clock.now_s()
 
+    def cancel(self) -> None:
+        super().cancel()
+        self._waking.set()
+
     def sleep(self, duration_s: float) -> None:
-        if self._cancelled.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
+        if self._waking.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
             raise Cancelled
 
 

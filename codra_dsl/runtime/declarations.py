@@ -16,7 +16,7 @@ class Declarations:
             enter: called with a variable that enters C_E(t), and its holder.
             leave: called with a variable that leaves C_E(t), and who held it last.
         """
-        self._holders: dict[str, tuple[str, ...]] = {}
+        self._holders: dict[str, dict[str, None]] = {}
         self._counts: Counter[str] = Counter()
         self._enter = enter
         self._leave = leave
@@ -30,27 +30,38 @@ class Declarations:
 
     def of(self, holder: str) -> tuple[str, ...]:
         """Return what a holder declares, in order."""
-        return self._holders.get(holder, ())
+        return tuple(self._holders.get(holder, ()))
 
     def holders(self) -> tuple[str, ...]:
         """Return who declares something."""
         return tuple(self._holders)
 
+    def add(self, holder: str, name: str) -> None:
+        """Let a holder declare one variable more; harmless when it does so already."""
+        held = self._holders.setdefault(holder, {})
+        if name not in held:
+            held[name] = None
+            self._counts[name] += 1
+            if self._counts[name] == 1:
+                self._enter(name, holder)
+
+    def remove(self, holder: str, name: str) -> None:
+        """Let a holder declare one variable less; harmless when it does not declare it."""
+        held = self._holders.get(holder, {})
+        if name in held:
+            del held[name]
+            if not held:
+                del self._holders[holder]
+            self._counts[name] -= 1
+            if not self._counts[name]:
+                del self._counts[name]
+                self._leave(name, holder)
+
     def hold(self, holder: str, names: Iterable[str]) -> None:
         """Let a holder declare exactly these variables; what it keeps is not touched."""
-        before, after = self.of(holder), tuple(dict.fromkeys(names))
-        if after:
-            self._holders[holder] = after
-        else:
-            self._holders.pop(holder, None)
+        before, after = self.of(holder), dict.fromkeys(names)
         for name in after:
-            if name not in before:
-                self._counts[name] += 1
-                if self._counts[name] == 1:
-                    self._enter(name, holder)
+            self.add(holder, name)
         for name in before:
             if name not in after:
-                self._counts[name] -= 1
-                if not self._counts[name]:
-                    del self._counts[name]
-                    self._leave(name, holder)
+                self.remove(holder, name)

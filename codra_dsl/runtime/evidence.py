@@ -63,7 +63,15 @@ def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) ->
 
     What the histories no longer tell counts as a break.
     """
+    names, is_aging = term.reads
+    if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
+        return term.holds(Present(cells, end_s))
     return told_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
+
+
+def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
+    """Return whether a present reading was the one at every instant from `start_s` to `end_s`."""
+    return reading.evidence_s <= start_s and end_s < reading.expires_s
 
 
 def first_loss(

@@ -76,13 +76,13 @@ class Inputs:
         """Take a variable into C_E(t)."""
         with self._clock:
             self._tell("declare", variable=name)
-            self.declarations.hold(MAIN, (*self.declarations.of(MAIN), name))
+            self.declarations.add(MAIN, name)
 
     def withdraw(self, name: str) -> None:
         """Take back what `declare` said."""
         with self._clock:
             self._tell("withdraw", variable=name)
-            self.declarations.hold(MAIN, (other for other in self.declarations.of(MAIN) if other != name))
+            self.declarations.remove(MAIN, name)
 
     def expect(self, skills: Iterable[str]) -> None:
         """Let these skills come next, and no others."""

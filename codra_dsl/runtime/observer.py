@@ -27,6 +27,7 @@ class Observer:
         self.surroundings = surroundings
         self.wanted = False
         self.now_s = surroundings.now_s()
+        self._present = Present(surroundings.cells, self.now_s)
         self._touched = touched
         self._branches: list[Branch] = []
         self._writes: list[Reading[Value]] = []
@@ -73,7 +74,7 @@ class Observer:
 
     def present(self) -> Present:
         """Return the context as it is at this tick."""
-        return Present(self.surroundings.cells, self.now_s)
+        return self._present
 
     def obstacle(self, variable: str) -> str:
         """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
@@ -140,6 +141,7 @@ class Observer:
     def tick(self, now_s: float) -> list[Reading[Value]]:
         """Tick the tree once and return what it identified, or made unknown."""
         self.now_s, self._writes, self._concluded = now_s, [], False
+        self._present = Present(self.surroundings.cells, now_s)
         if self._failure is not None:
             return []
         for branch in self._branches:
@@ -208,7 +210,7 @@ class Observer:
     def _settle(self, variable: str) -> None:
         """Decide what a tick means for a variable beside the value that it may have brought."""
         forgets = self.surroundings.variables[variable].when_unobservable == "forget"
-        if not self._concluded and not self._alternative_is_busy(variable):
+        if variable in self._setbacks and not self._concluded and not self._alternative_is_busy(variable):
             setback = decisive(self._reading(variable), self._setbacks.pop(variable, ()), forgets=forgets)
             if setback is not None:
                 self._make_unknown(variable, setback)

@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import Any, Protocol
 
 from codra_dsl.logic import Value
@@ -107,12 +108,16 @@ class State(Enum):
 class _Job:
     """The `job` of one call; it lives in the thread of its perception function."""
 
-    def __init__(self, work: Work, chance: random.Random, index: int) -> None:
-        self.random = chance
+    def __init__(self, work: Work, seed: str, index: int) -> None:
         self.index = index
+        self._seed = seed
         self._work = work
         self._told: list[tuple[float, Interval]] = []
         self._telling = threading.Lock()
+
+    @cached_property
+    def random(self) -> random.Random:
+        return random.Random(self._seed)
 
     @property
     def cancelled(self) -> bool:
@@ -278,13 +283,13 @@ class Perception:
             return
         algorithm = attempt.algorithm
         attempt.state, attempt.start_s = State.RUNNING, self._clock.now_s()
-        chance = random.Random(f"{self._seed}/{algorithm.name}/{attempt.index}")
+        seed = f"{self._seed}/{algorithm.name}/{attempt.index}"
         attempt.noted = lambda told_s, interval: self._note(attempt, told_s, interval)
         self._at_work[algorithm.name] = attempt
         self._tell(attempt, "started")
         try:
             attempt.work = self._clock.start(
-                lambda work: self._run(attempt, _Job(work, chance, attempt.index), arguments),
+                lambda work: self._run(attempt, _Job(work, seed, attempt.index), arguments),
                 lambda outcome: self._deliver(attempt, outcome),
             )
         except RuntimeError as error:  # no thread could be started

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections import Counter
 from collections.abc import Callable, Mapping
 
@@ -36,8 +37,11 @@ class Slots:
         """Make all slots free; a resource without a number of slots takes any number of jobs."""
         self._clock = clock
         self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
+        self._limited = tuple(name for name, free in self._free.items() if free < math.inf)
         self._queue: list[Ticket] = []
+        self._unbound = 0
         self._requests = 0
+        self._is_due = False
 
     @property
     def resources(self) -> Mapping[str, float]:
@@ -47,8 +51,10 @@ class Slots:
     def request(self, slots: tuple[str, ...], priority: float, grant: Callable[[], None]) -> Ticket:
         """Queue for slots; `grant` is called once all are free, in an event of its own."""
         self._requests += 1
-        ticket = Ticket(tuple(dict.fromkeys(slots)), (-priority, self._requests), grant)
-        self._queue.append(ticket)
+        limited = (slot for slot in slots if self._free[slot] < math.inf)
+        ticket = Ticket(tuple(dict.fromkeys(limited)), (-priority, self._requests), grant)
+        insort(self._queue, ticket, key=_rank)
+        self._unbound += not ticket.slots
         self._grant_soon()
         return ticket
 
@@ -59,26 +65,47 @@ class Slots:
             for slot in ticket.slots:
                 self._free[slot] += 1
         elif ticket in self._queue:
-            self._queue.remove(ticket)
+            self._leave_queue(ticket)
         self._grant_soon()
 
+    def _leave_queue(self, ticket: Ticket) -> None:
+        self._queue.remove(ticket)
+        self._unbound -= not ticket.slots
+
     def _grant_soon(self) -> None:
-        if self._queue:
+        if self._queue and not self._is_due:
+            self._is_due = True
             self._clock.call_at(self._clock.now_s(), self._grant_all)
 
     def _grant_all(self) -> None:
-        while (ticket := self._next()) is not None:
-            self._queue.remove(ticket)
+        self._is_due = False
+        chosen = self._choose()
+        for ticket in chosen:
+            self._leave_queue(ticket)
             ticket.held = True
-            for slot in ticket.slots:
-                self._free[slot] -= 1
+        for ticket in chosen:
             ticket.grant()
 
-    def _next(self) -> Ticket | None:
-        """Return the first in the queue whose slots are free, counting those that the ones before it wait for."""
+    def _choose(self) -> list[Ticket]:
+        """Take what is free, in the order of the queue, less what the ones before wait for; return who gets it.
+
+        Once nothing is left, it looks no further, however long the queue is.
+        """
         wanted: Counter[str] = Counter()
-        for ticket in sorted(self._queue, key=lambda one: one.rank):
+        chosen: list[Ticket] = []
+        unbound = self._unbound
+        for ticket in self._queue:
+            unbound -= not ticket.slots
             if all(self._free[slot] > wanted[slot] for slot in ticket.slots):
-                return ticket
-            wanted.update(ticket.slots)
-        return None
+                chosen.append(ticket)
+                for slot in ticket.slots:
+                    self._free[slot] -= 1
+            else:
+                wanted.update(ticket.slots)
+            if not unbound and all(self._free[slot] <= wanted[slot] for slot in self._limited):
+                break
+        return chosen
+
+
+def _rank(ticket: Ticket) -> tuple[float, int]:
+    return ticket.rank

@@ -60,7 +60,7 @@ def _observers(chance: random.Random, names: list[str], needed: list[str]) -> It
         if chance.random() < 0.3:
             looks.append(_look(f"feel_{mine[0]}", mine, others, chance))
         period_s = chance.uniform(0.01, 0.2)
-        yield observer(f"o_{mine[0]}", *looks, period_s=period_s, priority=chance.randint(0, 3))
+        yield observer(f"o_{mine[0]}", *looks, period_s=period_s, priority=chance.uniform(0.0, 3.0))
 
 
 def _look(name: str, mine: list[str], others: list[str], chance: random.Random) -> Look:
