@@ -1,4 +1,7 @@
-"""`make bench`: measures every row beside its peer and writes `results.json`; names of groups choose some of them."""
+"""`make bench`: measures every row beside its peer and writes `results.json`.
+
+`python benchmarks/bench.py GROUP...` measures some of them: `compiling`, or a row about a running forest by its name.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import compiling
+import running
 from rows import Row
 
-GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows}
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows, **running.GROUPS}
 """What measures each group of rows, given a scratch folder."""
 
 RESULTS = Path(__file__).with_name("results.json")
@@ -20,6 +24,9 @@ RESULTS = Path(__file__).with_name("results.json")
 def main() -> None:
     """Measure the groups that were asked for, all by default, and keep the rows of the others."""
     wanted = sys.argv[1:] or list(GROUPS)
+    unknown = [group for group in wanted if group not in GROUPS]
+    if unknown:
+        sys.exit(f"no rows {unknown[0]!r}: there are {', '.join(GROUPS)}")
     kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
     print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
     for group in wanted:

@@ -38,7 +38,9 @@ class Scope(Protocol):
 class Term:
     """A part of a condition. Its `repr` is the Python text that builds it."""
 
-    __slots__ = ()
+    __slots__ = ("_reads",)
+
+    _reads: tuple[frozenset[str], bool]
 
     def evaluate(self, scope: Scope) -> Value | None:
         """Return the term's value in a scope, or None when it is unknown."""
@@ -58,7 +60,18 @@ class Term:
 
     def variables(self) -> frozenset[str]:
         """Return the names that the term reads."""
-        return frozenset(term.name for term in self.walk() if isinstance(term, (_Variable, _Known, _Age)))
+        return self.reads[0]
+
+    @property
+    def reads(self) -> tuple[frozenset[str], bool]:
+        """Return the names that the term reads, and whether it reads an age; a term never changes, so it looks once."""
+        try:
+            return self._reads
+        except AttributeError:
+            terms = tuple(self.walk())
+            names = frozenset(term.name for term in terms if isinstance(term, (_Variable, _Known, _Age)))
+            object.__setattr__(self, "_reads", (names, any(isinstance(term, _Age) for term in terms)))
+            return self.reads
 
     def holds(self, scope: Scope) -> bool:
         """Return whether the term is certainly true: a precondition that is unknown does not hold."""
@@ -184,7 +197,7 @@ def first_of(*cases: tuple[Value, Operand]) -> Term:
 
 def reads_ages(term: Term) -> bool:
     """Return whether the value of a term may change although no variable does."""
-    return any(isinstance(part, _Age) for part in term.walk())
+    return term.reads[1]
 
 
 def _term(operand: Operand) -> Term:

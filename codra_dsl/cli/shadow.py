@@ -29,11 +29,13 @@ def shadow_command(
     format_: Annotated[ShadowFormat, typer.Option("--format", help="How it is shown.")] = ShadowFormat.TEXT,
 ) -> None:
     """Say how often context agreed with what the robot saw itself, in decisions with `shadow=True`."""
-    from codra_dsl.cli.journals import read_journal
+    from codra_dsl.cli.journals import opened_journal, say_what_lacks
     from codra_dsl.runtime.shadow import shadow_report
 
     existing([file])
-    _, events = read_journal(file)
+    with opened_journal(file) as reader:
+        events = tuple(reader.events())
+        say_what_lacks(reader, events[-1].instant_s if events else reader.head().start_s)
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:

@@ -67,16 +67,16 @@ class Work(ABC):
     """The time of one piece of work, as the work itself sees it."""
 
     def __init__(self) -> None:
-        self._cancelled = threading.Event()
+        self._is_cancelled = False
 
     @property
     def cancelled(self) -> bool:
         """Return whether nobody waits for the outcome any more."""
-        return self._cancelled.is_set()
+        return self._is_cancelled
 
     def cancel(self) -> None:
         """Tell the work that nobody waits for its outcome; its next `sleep` raises `Cancelled`."""
-        self._cancelled.set()
+        self._is_cancelled = True
 
     @abstractmethod
     def now_s(self) -> float:
@@ -235,12 +235,17 @@ class _RealWork(Work):
     def __init__(self, clock: Clock) -> None:
         super().__init__()
         self._clock = clock
+        self._waking = threading.Event()
 
     def now_s(self) -> float:
         return self._clock.now_s()
 
+    def cancel(self) -> None:
+        super().cancel()
+        self._waking.set()
+
     def sleep(self, duration_s: float) -> None:
-        if self._cancelled.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
+        if self._waking.wait(min(_checked(duration_s), threading.TIMEOUT_MAX)):
             raise Cancelled
 
 
@@ -261,6 +266,7 @@ class WallClock(Clock):
         self._changed = threading.Condition()
         self._events: list[tuple[float, int, Timer]] = []
         self._scheduled = 0
+        self._waiting = 0
         self._closed = False
         self._dispatcher = threading.Thread(target=self._dispatch, name="codra-clock", daemon=True)
         self._dispatcher.start()
@@ -300,13 +306,21 @@ class WallClock(Clock):
         """Wait until `ready()` holds after a `notify`, the timeout is over, or the clock is closed."""
         self._check_thread()
         with self._changed:
-            self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
-            return ready()
+            self._waiting += 1
+            try:
+                self._changed.wait_for(lambda: ready() or self._closed, min(_checked(timeout_s), threading.TIMEOUT_MAX))
+                return ready()
+            finally:
+                self._waiting -= 1
 
     def notify(self) -> None:
-        """Wake those who wait."""
-        with self._changed:
-            self._changed.notify_all()
+        """Wake those who wait.
+
+        Who waits counts itself before it looks, and who notifies looks for waiters after it wrote: one sees the other.
+        """
+        if self._waiting:
+            with self._changed:
+                self._changed.notify_all()
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
         """Run the work in a daemon thread of its own."""
@@ -369,7 +383,8 @@ class LockedClock(Clock):
     def __enter__(self) -> None:
         self._lock.acquire()
         if not self._depth:
-            self._instant_s = max(self._instant_s, self._clock.now_s())
+            now_s = self._clock.now_s()
+            self._instant_s = max(self._instant_s, now_s)
             self._stepping = get_ident()
         self._depth += 1
 
@@ -381,8 +396,9 @@ class LockedClock(Clock):
 
     def now_s(self) -> float:
         """Return the present instant; within a step that of its beginning."""
-        is_within = self._stepping is not None and self._stepping == get_ident()
-        return self._instant_s if is_within else self._clock.now_s()
+        if self._stepping is not None and self._stepping == get_ident():
+            return self._instant_s
+        return self._clock.now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""

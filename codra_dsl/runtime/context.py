@@ -102,6 +102,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._lock = threading.RLock()
         self._of_thread = threading.local()
         self._clock = LockedClock(clock, self._lock)
+        self._notify = clock.notify
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
@@ -239,8 +240,13 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
         """
-        reading = self._reading(name)
-        return reading if reading.reason is None else self._explained(reading)
+        cell = self._store.cells.get(name)
+        if cell is None:
+            raise _unknown("variable", name, self._store.cells)
+        reading = cell.reading
+        if reading.reason is None and reading.expires_s > self._clock.now_s():
+            return reading
+        return self._explained(reading.at(self._clock.now_s()))
 
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
@@ -543,15 +549,17 @@ class ContextManager(Generic[VariableName, SkillName]):
     def _urgency(self, observer: str) -> int:
         return self.inputs.urgency(observer)
 
-    def _changed(self, name: str) -> None:
-        self._forest.changed(name)
+    def _changed(self, name: str, is_renewed: bool) -> None:
+        self._forest.changed(name, is_renewed)
         self._expectations.changed(name)
         self._subscriptions.changed(name, self._store.reading)
-        self._clock.notify()
+        self._notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
-        content = self._model(name).type.convert(value)
-        self.inputs.write(name, content, writer, evidence_s)
+        model = self._store.variables.get(name)
+        if model is None:
+            raise _unknown("variable", name, self._store.variables)
+        self.inputs.write(name, model.type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
         for name in observer.model.identifies:

@@ -23,7 +23,7 @@ class Declarations:
             leave: called with a variable that leaves C_E(t), and who held it last.
         """
         self.version = 0
-        self._holders: dict[str, tuple[str, ...]] = {}
+        self._holders: dict[str, dict[str, None]] = {}
         self._counts: Counter[str] = Counter()
         self._enter = enter
         self._leave = leave
@@ -37,7 +37,7 @@ class Declarations:
 
     def of(self, holder: str) -> tuple[str, ...]:
         """Return what a holder declares, in order."""
-        return self._holders.get(holder, ())
+        return tuple(self._holders.get(holder, ()))
 
     def holders(self) -> tuple[str, ...]:
         """Return who declares something."""
@@ -51,22 +51,34 @@ class Declarations:
         """Return what is declared for skills under way."""
         return tuple(name for holder in self._holders if holder not in (MAIN, EXPECTED) for name in self.of(holder))
 
+    def add(self, holder: str, name: str) -> None:
+        """Let a holder declare one variable more; harmless when it does so already."""
+        held = self._holders.setdefault(holder, {})
+        if name not in held:
+            self.version += 1
+            held[name] = None
+            self._counts[name] += 1
+            if self._counts[name] == 1:
+                self._enter(name, holder)
+
+    def remove(self, holder: str, name: str) -> None:
+        """Let a holder declare one variable less; harmless when it does not declare it."""
+        held = self._holders.get(holder, {})
+        if name in held:
+            self.version += 1
+            del held[name]
+            if not held:
+                del self._holders[holder]
+            self._counts[name] -= 1
+            if not self._counts[name]:
+                del self._counts[name]
+                self._leave(name, holder)
+
     def hold(self, holder: str, names: Iterable[str]) -> None:
         """Let a holder declare exactly these variables; what it keeps is not touched."""
-        before, after = self.of(holder), tuple(dict.fromkeys(names))
-        self.version += 1
-        if after:
-            self._holders[holder] = after
-        else:
-            self._holders.pop(holder, None)
+        before, after = self.of(holder), dict.fromkeys(names)
         for name in after:
-            if name not in before:
-                self._counts[name] += 1
-                if self._counts[name] == 1:
-                    self._enter(name, holder)
+            self.add(holder, name)
         for name in before:
             if name not in after:
-                self._counts[name] -= 1
-                if not self._counts[name]:
-                    del self._counts[name]
-                    self._leave(name, holder)
+                self.remove(holder, name)

@@ -63,7 +63,15 @@ def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) ->
 
     What the histories no longer tell counts as a break.
     """
+    names, is_aging = term.reads
+    if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
+        return term.holds(Present(cells, end_s))
     return told_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
+
+
+def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
+    """Return whether a present reading was the one at every instant from `start_s` to `end_s`."""
+    return reading.evidence_s <= start_s and end_s < reading.expires_s
 
 
 def first_loss(
@@ -131,7 +139,8 @@ class Watch:
 
     def __init__(self, term: Term) -> None:
         self._term = term
-        self._evidence: tuple[float, str] | None = None
+        self._names = sorted(term.variables())
+        self._evidence: tuple[float, str, int] | None = None
         self._seen_s = BEFORE_ALL_S
         self._held = False
 
@@ -145,8 +154,11 @@ class Watch:
                 else wrote without it is lost only once the condition has held and fails.
             now_s: the present instant.
         """
-        if self._evidence != (reading.evidence_s, reading.source):
-            self._evidence = (reading.evidence_s, reading.source)
+        evidence = (reading.evidence_s, reading.source, sum(cells[name].late for name in self._names))
+        if (
+            self._evidence != evidence
+        ):  # also when the past has changed: what is lost does not depend on who looked when
+            self._evidence = evidence
             self._seen_s, self._held = reading.evidence_s, is_own
         start_s = max(self._seen_s, told_from_s(self._term, cells))
         loss_s = first_loss(self._term, cells, start_s, now_s, self._held)

@@ -56,7 +56,7 @@ class Forest:
             self._stop,
         )
         self._position = {name: position for position, name in enumerate(self._activation.order)}
-        self._readers = self._find_readers()
+        self._readers, self._readers_of_age = self._find_readers()
         self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
         self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
         self._touched: set[str] = set()
@@ -90,9 +90,16 @@ class Forest:
         """Stop what nothing needs any more once a variable leaves C_E(t)."""
         self._activation.withdraw(variable)
 
-    def changed(self, variable: str) -> None:
-        """Say that a variable has another reading, now or in its history."""
-        for observer in self._readers.get(variable, ()):
+    def changed(self, variable: str, is_renewed: bool) -> None:
+        """Say that a variable has another reading, now or in its history.
+
+        Args:
+            variable: its name.
+            is_renewed: whether it only has newer evidence for what it told before. That changes no condition, at no
+                instant, but those on its age.
+        """
+        readers = self._readers_of_age if is_renewed else self._readers
+        for observer in readers.get(variable, ()):
             self.touch(observer)
 
     def look_again(self) -> None:
@@ -102,7 +109,9 @@ class Forest:
                 self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
-        """Let an observer be ticked in the next round, at this instant."""
+        """Let an observer be ticked in the next round, at this instant; one that does not run has no need of it."""
+        if not observer.wanted:
+            return
         self._touched.add(observer.name)
         if self._round is None:
             self._round = self._clock.call_at(self._clock.now_s(), self._settle)
@@ -160,9 +169,14 @@ class Forest:
         self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
         self._stopped(observer)
 
-    def _find_readers(self) -> dict[str, list[Observer]]:
+    def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
+        """Return, by variable, the observers that read it, and those for which its age may matter."""
         readers: dict[str, list[Observer]] = {}
+        readers_of_age: dict[str, list[Observer]] = {}
         for name in self._activation.order:
-            for need in self._observers[name].watched():
-                readers.setdefault(need, []).append(self._observers[name])
-        return readers
+            observer = self._observers[name]
+            for need in observer.watched():
+                readers.setdefault(need, []).append(observer)
+            for need in observer.needs_age_of():
+                readers_of_age.setdefault(need, []).append(observer)
+        return readers, readers_of_age

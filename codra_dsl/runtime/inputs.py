@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.attention import Attention
-from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
 from codra_dsl.runtime.declarations import EXPECTED, MAIN, Declarations
@@ -88,13 +88,13 @@ class Inputs:
         """Take a variable into C_E(t)."""
         with self._clock:
             self._tell("declare", variable=name)
-            self.declarations.hold(MAIN, (*self.declarations.of(MAIN), name))
+            self.declarations.add(MAIN, name)
 
     def withdraw(self, name: str) -> None:
         """Take back what `declare` said."""
         with self._clock:
             self._tell("withdraw", variable=name)
-            self.declarations.hold(MAIN, (other for other in self.declarations.of(MAIN) if other != name))
+            self.declarations.remove(MAIN, name)
 
     def expect(self, skills: Iterable[str]) -> None:
         """Let these skills come next, and no others."""
@@ -171,7 +171,7 @@ class Inputs:
             if self._scribe.takes_inputs:
                 self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
-            if writer == MAIN and not self._may_write(name):
+            if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
                     f"the main execution may only while it has declared it{_way_of_agents(model)}"
@@ -275,21 +275,24 @@ class Inputs:
         start_s: float | None = None,
     ) -> None:
         now_s = self._clock.now_s()
-        evidence_s = now_s if evidence_s is None else evidence_s
-        if not evidence_s <= now_s:
+        if evidence_s is None:
+            evidence_s = now_s
+        elif not evidence_s <= now_s:
             raise ValueError(f"evidence for {name!r} was taken at {now_s} at the latest, not at {evidence_s}")
-        reason = Reason.REJECTED if content is None else None
-        self._store.write(
-            Reading(
+        start_s = evidence_s if start_s is None else start_s
+        if content is None:
+            reading: Reading[Value] = Reading(
                 name=name,
-                content=content,
-                reason=reason,
+                reason=Reason.REJECTED,
                 evidence_s=evidence_s,
-                start_s=evidence_s if start_s is None else start_s,
+                start_s=start_s,
                 identified_s=now_s,
                 source=writer,
             )
-        )
+        else:
+            expires_s = evidence_s + self._store.variables[name].valid_for_s
+            reading = known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
+        self._store.write(reading)
 
     def _look_up(self, decision: Decision) -> None:
         decision.reading = self._store.reading(decision.demand.variable)

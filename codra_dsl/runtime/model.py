@@ -61,6 +61,8 @@ class ValueType:
         Raises:
             NotOfTypeError: if it has another type, lies outside the range, or is no member.
         """
+        if (given is True or given is False) and self.kind == "bool":
+            return given
         plain = _plain(given)
         if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
             raise NotOfTypeError(f"{_shown(plain)} is no {self.kind}")

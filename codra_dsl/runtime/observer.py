@@ -28,6 +28,7 @@ class Observer:
         self.surroundings = surroundings
         self.wanted = False
         self.now_s = surroundings.now_s()
+        self._present = Present(surroundings.cells, self.now_s)
         self._touched = touched
         self._branches: list[Branch] = []
         self._writes: list[Reading[Value]] = []
@@ -70,6 +71,10 @@ class Observer:
         """Return the variables whose changes it has to know of: what it needs, and what it looks at on events."""
         return tuple(sorted({*self.needs(), *self.on_event}))
 
+    def needs_age_of(self) -> tuple[str, ...]:
+        """Return the context-variables of which newer evidence may matter though the value is the same, sorted."""
+        return tuple(sorted({name for term in self._aging for name in term.variables()}))
+
     def observable(self, variable: str) -> Term | None:
         """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
         conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
@@ -77,7 +82,7 @@ class Observer:
 
     def present(self) -> Present:
         """Return the context as it is at this tick."""
-        return Present(self.surroundings.cells, self.now_s)
+        return self._present
 
     def obstacle(self, variable: str) -> str:
         """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
@@ -144,6 +149,7 @@ class Observer:
     def tick(self, now_s: float) -> list[Reading[Value]]:
         """Tick the tree once and return what it identified, or made unknown."""
         self.now_s, self._writes, self._concluded = now_s, [], False
+        self._present = Present(self.surroundings.cells, now_s)
         if self._failure is not None:
             return []
         for branch in self._branches:
@@ -154,7 +160,7 @@ class Observer:
             return []
         for variable in self.model.identifies:
             self._settle(variable)
-        if self._concluded:
+        if self._concluded and self._is_unsettled():
             self.touch()
         return self._writes
 
@@ -212,12 +218,18 @@ class Observer:
     def _settle(self, variable: str) -> None:
         """Decide what a tick means for a variable beside the value that it may have brought."""
         forgets = self.surroundings.variables[variable].when_unobservable == "forget"
-        if not self._concluded and not self._alternative_is_busy(variable):
+        if variable in self._setbacks and not self._concluded and not self._alternative_is_busy(variable):
             setback = decisive(self._reading(variable), self._setbacks.pop(variable, ()), forgets=forgets)
             if setback is not None:
                 self._make_unknown(variable, setback)
         if forgets and variable in self._watches:
             self._forget_unseen(variable)
+
+    def _is_unsettled(self) -> bool:
+        """Return whether, after an attempt, another tick at this instant may bring something."""
+        if self._setbacks or len(self._branches) > 1:
+            return True
+        return self._branches[0].next_start_s() <= self.now_s
 
     def _alternative_is_busy(self, variable: str) -> bool:
         """Return whether an algorithm that has not been set back itself may still deliver."""

@@ -72,6 +72,7 @@ class Slots:
         self._queue: list[Ticket] = []
         self._requests = 0
         self._counted_s = clock.now_s()
+        self._is_due = False
 
     @property
     def resources(self) -> Mapping[str, float]:
@@ -105,10 +106,12 @@ class Slots:
         self._grant_soon()
 
     def _grant_soon(self) -> None:
-        if self._queue:
+        if self._queue and not self._is_due:
+            self._is_due = True
             self._clock.call_at(self._clock.now_s(), self._grant_all)
 
     def _grant_all(self) -> None:
+        self._is_due = False
         self._grow_older()
         while (ticket := self._next()) is not None:
             self._queue.remove(ticket)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock
-from codra_dsl.runtime.journal import Kind, Scribe
+from codra_dsl.runtime.journal import Scribe
 from codra_dsl.runtime.model import VariableModel
 
 
@@ -17,7 +17,7 @@ class Store:
     """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock."""
 
     def __init__(
-        self, variables: Sequence[VariableModel], clock: Clock, scribe: Scribe, changed: Callable[[str], None]
+        self, variables: Sequence[VariableModel], clock: Clock, scribe: Scribe, changed: Callable[[str, bool], None]
     ) -> None:
         """Make all variables unknown.
 
@@ -25,7 +25,8 @@ class Store:
             variables: C_M.
             clock: real or simulated time.
             scribe: is told every change.
-            changed: called with the name of a variable whose present or past has changed.
+            changed: called with the name of a variable whose present or past has changed, and whether it only has
+                newer evidence for what it told before.
         """
         self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
         self.cells: Mapping[str, Cell] = {name: Cell(name, each.history) for name, each in self.variables.items()}
@@ -40,13 +41,16 @@ class Store:
 
     def write(self, reading: Reading[Value]) -> None:
         """Take a reading: as the present one, or into the history only if its evidence is older than that."""
-        if reading.known:
-            reading = replace(reading, expires_s=reading.evidence_s + self.variables[reading.name].valid_for_s)
-        is_present = self.cells[reading.name].write(reading)
-        self._tell(reading, is_present=is_present)
-        if is_present:
+        if reading.reason is None and reading.expires_s == math.inf:
+            expires_s = reading.evidence_s + self.variables[reading.name].valid_for_s
+            reading = reading if expires_s == math.inf else replace(reading, expires_s=expires_s)
+        cell = self.cells[reading.name]
+        before = cell.reading
+        is_present = cell.write(reading)
+        self._scribe.tell_reading(reading, is_present)
+        if is_present and reading.expires_s < math.inf:
             self._watch_expiry(reading)
-        self._changed(reading.name)
+        self._changed(reading.name, is_present and _tells_the_same(before, reading))
 
     def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
         """Make a variable unknown from now on."""
@@ -70,20 +74,14 @@ class Store:
         self._expiring.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
-            self._tell(cell.reading, is_present=True)
-            self._changed(name)
+            self._scribe.tell_reading(cell.reading, True)
+            self._changed(name, False)
         else:
             self._watch_expiry(cell.reading)
 
-    def _tell(self, reading: Reading[Value], *, is_present: bool) -> None:
-        self._scribe.tell(
-            Kind.VARIABLE,
-            reading.name,
-            "identified" if reading.known else "unknown",
-            value=reading.content,
-            reason=reading.reason,
-            detail=reading.detail,
-            evidence_s=reading.evidence_s,
-            source=reading.source,
-            present=is_present,
-        )
+
+def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
+    """Return whether a variable has the value that it had until now, or is unknown as it was."""
+    if before.reason is not None or reading.reason is not None:
+        return before.reason is not None and reading.reason is not None
+    return before.content == reading.content and before.expires_s > reading.identified_s

@@ -5,11 +5,11 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from codra_dsl.logic import Term, known, value
+from codra_dsl.logic import Term, age, known, value
 from codra_dsl.runtime import ContextModel
 from codra_dsl.runtime.model import ObserverModel, SkillModel, integer
 from tests.runtime.forests import Look, forest, given, observer, seen, variable
@@ -60,7 +60,7 @@ def _observers(chance: random.Random, names: list[str], needed: list[str]) -> It
         if chance.random() < 0.3:
             looks.append(_look(f"feel_{mine[0]}", mine, others, chance))
         period_s = chance.uniform(0.01, 0.2)
-        yield observer(f"o_{mine[0]}", *looks, period_s=period_s, priority=chance.randint(0, 3))
+        yield observer(f"o_{mine[0]}", *looks, period_s=period_s, priority=chance.uniform(0.0, 3.0))
 
 
 def _look(name: str, mine: list[str], others: list[str], chance: random.Random) -> Look:
@@ -70,7 +70,8 @@ def _look(name: str, mine: list[str], others: list[str], chance: random.Random) 
 
 
 def _condition(need: str, chance: random.Random) -> Term:
-    return chance.choice([value(need), ~known(need) | value(need)])
+    limit_s = chance.choice([0.05, 0.3])
+    return chance.choice([value(need), ~known(need) | value(need), ~known(need) | (age(need) > limit_s)])
 
 
 class Perception:
@@ -80,7 +81,12 @@ class Perception:
         broken: algorithms that always raise for the time being.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, hang: Callable[[float], None] = time.sleep) -> None:
+        """Make perception that works by chance.
+
+        `hang` spends time without listening to `job`.
+        """
+        self._hang = hang
         self.broken: set[str] = set()
         self.calls = 0
         self._at_work = 0
@@ -112,22 +118,23 @@ class Perception:
             with self._counted():
                 if name in self.broken:
                     raise ValueError("broken")
-                return {"seen": True} if name == f"look_{BEACON}" else _found(job)
+                return {"seen": True} if name == f"look_{BEACON}" else self._found(job)
 
         return look
 
-
-def _found(job: Any) -> object:
-    mood = job.random.random()
-    if mood < 0.08:
-        raise ValueError("no picture")
-    if mood < 0.12:
-        return job.random.choice([None, [True], {"seen": "yes"}, {"seen": True, "heard": 1}, {}])
-    if mood < 0.15:
-        job.sleep(2 * LONGEST_TIMEOUT_S)
-    elif mood < 0.17:
-        time.sleep(2 * LONGEST_TIMEOUT_S)  # it does not listen to `job`
-    elif mood < 0.4:
-        job.evidence(job.now_s(), job.now_s())
-        job.sleep(job.random.uniform(0.0, 0.02))
-    return {"seen": job.random.random() < 0.8}
+    def _found(self, job: Any) -> object:
+        mood = job.random.random()
+        if mood < 0.08:
+            raise ValueError("no picture")
+        if mood < 0.12:
+            return job.random.choice([None, [True], {"seen": "yes"}, {"seen": True, "heard": 1}, {}])
+        if mood < 0.15:
+            job.sleep(2 * LONGEST_TIMEOUT_S)
+        elif mood < 0.17:
+            self._hang(2 * LONGEST_TIMEOUT_S)
+        elif mood < 0.4:
+            job.evidence(job.now_s(), job.now_s())
+            job.sleep(job.random.uniform(0.0, 0.02))
+        elif mood < 0.6:
+            job.sleep(job.random.uniform(0.0, 0.05))
+        return {"seen": job.random.random() < 0.8}

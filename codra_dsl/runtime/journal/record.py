@@ -6,12 +6,17 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.ledger import Ledger
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.head import Head
+
+_Noted = Reading[Value] | tuple[float, Reading[Value], bool]
+"""That a variable has a reading: when it was told, and whether it is the present one. Alone it is, from the first."""
 
 KEPT = 100_000
 """Events that a record keeps by default: some twenty minutes of a busy robot, and some 100 MB at most."""
@@ -29,11 +34,12 @@ class Record:
 
     def __init__(self, limit: float = KEPT) -> None:
         self.limit = limit
-        self._events: list[Event] = []
+        self._most = 2 * limit
+        self._events: list[Event | _Noted] = []
         self._dropped = Ledger()
 
     def __iter__(self) -> Iterator[Event]:
-        return iter(tuple(self._events))
+        return map(_event, tuple(self._events))
 
     def __len__(self) -> int:
         return len(self._events)
@@ -44,7 +50,14 @@ class Record:
     def add(self, event: Event) -> None:
         """Add an event."""
         self._events.append(event)
-        if len(self._events) >= 2 * self.limit:
+        if len(self._events) >= self._most:
+            self._drop()
+
+    def note_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
+        """Add that a variable has a reading; it becomes an event when somebody asks for it."""
+        is_told_by_itself = is_present and reading.identified_s == instant_s
+        self._events.append(reading if is_told_by_itself else (instant_s, reading, is_present))
+        if len(self._events) >= self._most:
             self._drop()
 
     def end(self) -> None:
@@ -72,12 +85,12 @@ class Record:
         """
         if self._dropped.until_s > until_s:
             raise ValueError(f"events from before {self._dropped.until_s} s are not kept any more: ask the journal")
-        return Ledger.of(self._events, until_s, self._dropped)
+        return Ledger.of(map(_event, self._events), until_s, self._dropped)
 
     def _drop(self) -> None:
         surplus = len(self._events) - int(self.limit)
         for event in self._events[:surplus]:
-            self._dropped.take(event)
+            self._dropped.take(_event(event))
         del self._events[:surplus]
 
 
@@ -99,6 +112,7 @@ class Scribe:
             place: tells the place of an input among all that happens.
         """
         self.takes_inputs = record.takes_inputs
+        self._note_reading = record.note_reading if type(record).add is Record.add else self._add_reading
         self._record = record
         self._clock = clock
         self._place = place
@@ -107,7 +121,31 @@ class Scribe:
         """Add an event that happens now."""
         self._record.add(Event(self._clock.now_s(), kind, name, what, details))
 
+    def tell_reading(self, reading: Reading[Value], is_present: bool) -> None:
+        """Add that a variable has a reading, as its present one or in its history only."""
+        self._note_reading(self._clock.now_s(), reading, is_present)
+
     def tell_input(self, name: str, what: str, /, **details: object) -> None:
         """Add that something reached the context manager from outside, if the record wants to know."""
         if self.takes_inputs:
             self.tell(Kind.INPUT, name, what, **self._place(), **details)
+
+    def _add_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
+        """Add it as an event at once, for a record that does more than keep it."""
+        self._record.add(_event((instant_s, reading, is_present)))
+
+
+def _event(told: Event | _Noted) -> Event:
+    """Return an event, which is made here of what was only noted."""
+    if isinstance(told, Event):
+        return told
+    instant_s, reading, is_present = (told.identified_s, told, True) if isinstance(told, Reading) else told
+    details = {
+        "value": reading.content,
+        "reason": reading.reason,
+        "detail": reading.detail,
+        "evidence_s": reading.evidence_s,
+        "source": reading.source,
+        "present": is_present,
+    }
+    return Event(instant_s, Kind.VARIABLE, reading.name, "identified" if reading.known else "unknown", details)

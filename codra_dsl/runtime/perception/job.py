@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import threading
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 from codra_dsl.runtime.clock import Work
@@ -57,12 +58,16 @@ class RunningJob:
     """
 
     def __init__(self, work: Work, chance: str, index: int) -> None:
-        self.random = random.Random(chance)
         self.chance = chance
         self.index = index
         self._work = work
         self._told: list[tuple[float, Interval]] = []
         self._telling = threading.Lock()
+
+    @cached_property
+    def random(self) -> random.Random:
+        """Return chance that depends on the seed, the algorithm and the number of its job only."""
+        return random.Random(self.chance)
 
     @property
     def cancelled(self) -> bool:

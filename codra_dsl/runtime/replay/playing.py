@@ -159,6 +159,7 @@ def _with_changes(comparison: Comparison, head: Head) -> Difference | None:
 
 
 def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs: Sequence[Event]) -> None:
+    last = next((event for event in reversed(inputs) if event.what != "evidence"), None)
     for event in inputs:
         while clock.steps < event.details["step"] and comparison.difference is None:
             if clock.next_s() > event.instant_s:
@@ -167,7 +168,7 @@ def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, inputs:
         if comparison.difference is not None:
             return
         clock.advance(event.instant_s)
-        comparison.may_go_on = event is inputs[-1]  # a journal may be torn in the midst of what its last input brought
+        comparison.may_go_on |= event is last  # a journal may be torn in the midst of what its last input brought
         player.take(event)
 
 

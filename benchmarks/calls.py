@@ -1,0 +1,34 @@
+"""Times calls within one process, in turns, so that what slows the machine down hits all sides."""
+
+from __future__ import annotations
+
+import gc
+import statistics
+import time
+from collections.abc import Callable, Sequence
+
+TURNS = 41
+
+
+def in_turns(sides: Sequence[Callable[[], None]], calls: Sequence[int], turns: int = TURNS) -> list[float]:
+    """Return the median time in seconds that one call of each side takes.
+
+    Args:
+        sides: what is called.
+        calls: how often each side is called in one turn.
+        turns: how often each side has its turn.
+    """
+    found: list[list[float]] = [[] for _ in sides]
+    gc.collect()
+    for _ in range(turns):
+        for taken_s, side, count in zip(found, sides, calls, strict=True):
+            taken_s.append(_turn_s(side, count))
+    return [statistics.median(taken_s) for taken_s in found]
+
+
+def _turn_s(side: Callable[[], None], calls: int) -> float:
+    repeated = range(calls)
+    began_s = time.perf_counter()
+    for _ in repeated:
+        side()
+    return (time.perf_counter() - began_s) / calls

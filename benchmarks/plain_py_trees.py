@@ -1,0 +1,28 @@
+"""The peer at run time: an observer's tree in py_trees, as its documentation shows it, and nothing more."""
+
+from __future__ import annotations
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Access, Status
+from py_trees.composites import Sequence
+from py_trees.trees import BehaviourTree
+
+
+class Check(Behaviour):
+    """A leaf that looks at the blackboard."""
+
+    def __init__(self, key: str, otherwise: Status = Status.FAILURE) -> None:
+        super().__init__(key)
+        self._key, self._otherwise = key, otherwise
+        self.blackboard = self.attach_blackboard_client(name=key)
+        self.blackboard.register_key(key=key, access=Access.READ)
+
+    def update(self) -> Status:
+        """Succeed if the value is true."""
+        return Status.SUCCESS if self.blackboard.get(self._key) else self._otherwise
+
+
+def tree(name: str, needs: tuple[str, ...], due: str) -> BehaviourTree:
+    """Control flag, preconditions, due or running, and a look that is done at once."""
+    leaves = [Check("wanted"), *map(Check, needs), Check(due, Status.RUNNING), Check("wanted")]
+    return BehaviourTree(Sequence(name, memory=False, children=leaves))

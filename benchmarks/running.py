@@ -1,0 +1,222 @@
+"""The rows about a running forest of a thousand observers: context beside a blackboard, rounds beside ticks."""
+
+from __future__ import annotations
+
+import importlib
+import statistics
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import plain_py_trees
+from calls import in_turns
+from forests import CHAIN, OWN, flat, write
+from py_trees.blackboard import Blackboard, Client
+from py_trees.common import Access
+from rows import Row
+
+from codra_dsl.runtime import Clock, SimClock, WallClock
+
+OBSERVERS = 1_000
+DUE = 10
+CHAINS = OBSERVERS // CHAIN
+WRITERS = 7
+READS = 20_000
+
+_ROBOT = """
+import time
+
+def find_door(*, camera, job, **_):
+    if camera is not None:
+        time.sleep(camera)
+    return {"markers": 12, "angle": 1.5}
+"""
+
+
+def rows_of(name: str) -> Callable[[Path], Iterator[Row]]:
+    """Return what measures one row."""
+
+    def rows(scratch: Path) -> Iterator[Row]:
+        yield _MEASURES[name](_package(scratch))
+
+    return rows
+
+
+def _package(scratch: Path) -> ModuleType:
+    """Compile a forest of a thousand observers and import it."""
+    write({**flat(CHAINS * (CHAIN + OWN)), "robot/perception.py": _ROBOT}, scratch)
+    subprocess.run((sys.executable, "-m", "codra_dsl", "compile", "."), cwd=scratch, check=True, capture_output=True)
+    for module in [name for name in sys.modules if name.split(".")[0] in ("generated", "robot")]:
+        del sys.modules[module]
+    sys.path.insert(0, str(scratch))
+    return importlib.import_module("generated.flat")
+
+
+@contextmanager
+def _started(package: ModuleType, clock: Clock, camera: float | None = None) -> Iterator[Any]:
+    with package.start(clock=clock, resources={"camera": camera}) as codra:
+        yield codra
+
+
+def _near(chain: int) -> str:
+    return f"bay_{chain:05}_is_near"
+
+
+def _last_door(chain: int) -> str:
+    return f"bay_{chain:05}_door_{CHAIN - 1}_open"
+
+
+# Context beside a blackboard
+
+
+def _get(package: ModuleType) -> Row:
+    """A reading that has a validity, beside a blackboard's value that has none."""
+    with WallClock() as clock, _started(package, clock) as codra:
+        board, name = _client(), _near(0)
+        codra.set(name, True)
+        board.set(name, True)
+        ours, peer = in_turns([lambda: codra.get(name), lambda: board.get(name)], [5000, 5000])
+    return Row(name="context_get", ours=ours, peer=peer, target=0.1)
+
+
+def _set(package: ModuleType) -> Row:
+    """Each time another value, which an observer that runs is woken to look at."""
+    with WallClock() as clock, _started(package, clock) as codra:
+        board, name = _client(), _near(0)
+        codra.declare(f"bay_{0:05}_door_0_open")
+        values = [True, False]
+
+        def ours() -> None:
+            values.reverse()
+            codra.set(name, values[0])
+
+        def peer() -> None:
+            values.reverse()
+            board.set(name, values[0])
+
+        ours_s, peer_s = in_turns([ours, peer], [2000, 2000])
+    return Row(name="context_set", ours=ours_s, peer=peer_s, target=1.2)
+
+
+def _client() -> Client:
+    Blackboard.clear()
+    client = Client(name="robot")
+    client.register_key(key=_near(0), access=Access.WRITE)
+    return client
+
+
+def _get_under_load(package: ModuleType) -> Row:
+    """The slowest of a hundred reads while seven threads write and perception sleeps for a second, beside idle ones."""
+    with WallClock() as clock, _started(package, clock, camera=1.0) as codra:
+        name, is_over = _near(0), threading.Event()
+        codra.set(name, True)
+        codra.declare(_last_door(1))
+
+        def write_on(number: int) -> None:
+            value = True
+            while not is_over.is_set():
+                value = not value
+                codra.set(_near(number), value)
+
+        idle_s = statistics.median(_p99_s(codra, name) for _ in range(5))
+        threads = [threading.Thread(target=write_on, args=(number,), daemon=True) for number in range(WRITERS)]
+        for thread in threads:
+            thread.start()
+        loaded_s = statistics.median(_p99_s(codra, name) for _ in range(5))
+        is_over.set()
+        for thread in threads:
+            thread.join()
+    return Row(name="context_get_p99", ours=loaded_s, peer=idle_s, target=5.0)
+
+
+def _p99_s(codra: Any, name: str) -> float:
+    taken_s = []
+    for _ in range(READS):
+        began_s = time.perf_counter()
+        codra.get(name)
+        taken_s.append(time.perf_counter() - began_s)
+    return statistics.quantiles(taken_s, n=100)[98]
+
+
+# Rounds beside ticks
+
+
+def _idle(package: ModuleType) -> Row:
+    """Time passes, and none of a thousand observers has anything to do."""
+    clock = SimClock()
+    with _started(package, clock) as codra:
+        for chain in range(CHAINS):
+            _run_chain(codra, chain)
+        clock.sleep(0.5)
+        ours, peer = in_turns([lambda: clock.sleep(1e-6), _peers_round(due=0)], [2000, 1])
+        _require_that_all_look(codra, clock)
+    return Row(name="forest_idle", ours=ours, peer=peer, target=1 / 1000)
+
+
+def _due(package: ModuleType) -> Row:
+    """Each hundredth of a second ten observers look, and their jobs end."""
+    clock = SimClock()
+    with _started(package, clock) as codra:
+        for chain in range(CHAINS):
+            _run_chain(codra, chain)
+            clock.sleep(1.0 / CHAINS)
+        clock.sleep(0.5 / CHAINS)
+        ours, peer = in_turns([lambda: clock.sleep(1.0 / CHAINS), _peers_round(due=DUE)], [20, 1])
+        _require_that_all_look(codra, clock)
+    return Row(name="forest_due", ours=ours, peer=peer, target=1 / 40)
+
+
+def _run_chain(codra: Any, chain: int) -> None:
+    codra.set(f"bay_{chain:05}_is_lit", True)
+    codra.set(_near(chain), True)
+    codra.declare(_last_door(chain))
+
+
+def _require_that_all_look(codra: Any, clock: SimClock) -> None:
+    """A forest that does nothing would be the quickest."""
+    for chain in range(CHAINS):
+        codra.set(f"bay_{chain:05}_is_lit", True)
+        codra.set(_near(chain), True)
+    clock.sleep(1.0)
+    doors = [f"bay_{chain:05}_door_{number}_open" for chain in range(CHAINS) for number in range(CHAIN)]
+    late = [name for name in doors if not codra.get(name).known or codra.get(name).age_s(clock.now_s()) > 1.0 + 1e-9]
+    if late or len(codra.running()) != OBSERVERS:
+        raise RuntimeError(f"{len(late)} of {len(doors)} variables are not kept up")
+
+
+def _peers_round(due: int) -> Callable[[], None]:
+    """Return what ticks all trees once; of the ones that are due, the last leaf is ticked too."""
+    Blackboard.clear()
+    keys = {"wanted": True, "never": False, "always": True}
+    client = Client(name="robot")
+    for key, value in {**keys, "lit": True, "near": True}.items():
+        client.register_key(key=key, access=Access.WRITE)
+        client.set(key, value)
+    trees = [
+        plain_py_trees.tree(f"t{number}", ("lit", "near"), "always" if number < due else "never")
+        for number in range(OBSERVERS)
+    ]
+
+    def tick() -> None:
+        for tree in trees:
+            tree.tick()
+
+    return tick
+
+
+_MEASURES: Mapping[str, Callable[[ModuleType], Row]] = {
+    "context_get": _get,
+    "context_set": _set,
+    "context_get_p99": _get_under_load,
+    "forest_idle": _idle,
+    "forest_due": _due,
+}
+
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {name: rows_of(name) for name in _MEASURES}
+"""Each row for itself, by its name."""
