@@ -66,6 +66,8 @@ def _told(found: Recovery) -> str:
     lines.extend(f"cannot be read: {part}" for part in damage.unread)
     if damage.unread and damage.lost:
         lines.append(f"lost: {damage.lost} messages between others")
-    if damage.is_torn:
+    if found.is_live:
+        lines.append("its program still writes it: this is what it held so far")
+    elif damage.is_torn:
         lines.append("lost at the end: at most the message that was being written")
     return "\n  ".join(lines)

@@ -40,8 +40,8 @@ At = Annotated[
     typer.Option(
         "--at",
         metavar="T",
-        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or where the clock shows "
-        "the time of day '2030-01-31 03:12:05', in UTC.  "
+        help="The instant: '31.5' or '31.5 s' on the run's clock, '+2 min' from its start, or, of a clock that shows "
+        "the time of day, '2030-01-31 03:12:05' in UTC.  "
         "[default: the end, before observers stop]",
         show_default=False,
     ),

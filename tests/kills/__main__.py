@@ -47,7 +47,6 @@ def robots(trials: int, seed: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(
-        main(int(sys.argv[1]), int(sys.argv[2]))
-        or robots(int(sys.argv[3]) if len(sys.argv) > 3 else 0, int(sys.argv[2]))
-    )
+    writers, seed, robots_killed = (int(each) for each in (*sys.argv[1:], "1", "0")[:3])
+    failed = main(writers, seed)
+    sys.exit(failed or (robots(robots_killed, seed) if robots_killed else 0))

@@ -6,7 +6,7 @@ import random
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.runtime.model import SkillModel, real
 from codra_dsl.runtime.replay import Replayed, replay
-from tests.runtime.door import GIVEN_NEAR, LOOK, MODEL, OBSERVERS
+from tests.runtime.door import GIVEN_NEAR, LOOK, MEASURE_DISTANCE, MODEL, OBSERVERS
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, seen, takes, tree, variable
 from tests.runtime.journals import read, run_door
 
@@ -160,6 +160,88 @@ def test_jobs_that_fail_time_out_hang_or_revise_their_evidence_are_derived_again
     whats = {event.what for event in read(tmp_path / "run.mcap")[1] if event.kind is Kind.JOB}
     assert whats >= {"returned", "failed", "voided", "rejected"}
     assert_same(tmp_path / "run.mcap", model)
+
+
+def meddling(manager: Callable[[], Manager]) -> Callable[[Any], object]:
+    """Perception that calls the context manager itself, as it should not."""
+
+    def find(job: Any) -> object:
+        chance, codra = job.random, manager()
+        name, what = chance.choice(codra.modelled()), chance.randrange(7)
+        try:
+            if what == 0:
+                codra.declare(name, chance.choice([None, True]))
+            elif what == 1:
+                codra.withdraw(name)
+            elif what == 2:
+                codra.set(name, True)
+            elif what == 3:
+                codra.expect("s1")
+            elif what == 4:
+                with codra.skill("s2") as skill, skill.acting():
+                    pass
+            elif what == 5:
+                codra.decide(name, lambda: chance.choice([True, None]))
+            else:
+                codra.agent("house").set(name, False)
+        except (NotDeclaredError, NotASourceError):
+            pass
+        job.sleep(chance.random() * 0.03)
+        return {"seen": chance.random() < 0.7}
+
+    return find
+
+
+@pytest.mark.parametrize(
+    ("seed", "clock"), [(0, WallClock), (1, SimClock), (2, SimClock), (3, WallClock), (5, SimClock)]
+)
+def test_what_perception_functions_ask_of_the_context_manager_is_asked_again(
+    tmp_path: Path, seed: int, clock: Callable[[], Clock]
+) -> None:
+    model, chance, time_ = unruly_forest(seed), random.Random(seed), clock()
+    running: list[Manager] = []
+    names = [name for each in model.observers for name in each.identifies]
+    find = meddling(lambda: running[0])
+    world = World({f"look_{name}_{rank}": find for name in names for rank in range(2)})
+    with journalled(model, world, tmp_path / "run.mcap", time_, seed) as manager:
+        running.append(manager)
+        for name in names[:6]:
+            manager.declare(name)
+        for _ in range(20):
+            with suppress(NotDeclaredError):
+                manager.set(chance.choice(manager.modelled()), True)
+            time_.sleep(0.05)
+    if isinstance(time_, WallClock):
+        time_.close()
+
+    of_jobs = [event for event in read(tmp_path / "run.mcap")[1] if "work" in event.details]
+    assert bool(of_jobs) is isinstance(time_, SimClock)
+    assert_same(tmp_path / "run.mcap", model)
+
+
+def test_a_journal_that_names_what_the_package_lacks_says_so(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap")
+    without = replace(MODEL, variables=MODEL.variables[1:], observers=MODEL.observers[1:])
+
+    difference = replayed(tmp_path / "run.mcap", without).difference
+    assert difference is not None
+    assert difference.because == "the package has no variable 'localized', and the run named it"
+
+
+def test_what_differs_is_told_from_near_to_far_and_what_only_looks_different_is_not(tmp_path: Path) -> None:
+    run_door(tmp_path / "run.mcap")
+    far = Look(MEASURE_DISTANCE, {"near": value("distance") < 1.2}, when=[value("localized")])
+    look = Look(LOOK, {"open": value("angle") > 0.6}, when=[value("near")], accept=[value("markers") >= 5])
+    observers = tuple(replace(each, build=tree(one)) for each, one in zip(OBSERVERS, (far, look), strict=True))
+
+    difference = replayed(tmp_path / "run.mcap", replace(MODEL, observers=observers)).difference
+    assert difference is not None
+    assert [(each.owner, each.what) for each in difference.changes][:2] == [
+        ("look", "accept_when"),
+        ("measure_distance", "identifies near"),
+    ]
+    same = replace(MODEL, observers=tuple(replace(each) for each in OBSERVERS))
+    assert replayed(tmp_path / "run.mcap", same).difference is None
 
 
 # Real time

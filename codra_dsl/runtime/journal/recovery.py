@@ -18,12 +18,14 @@ class Recovery:
         from_s: when the first was written; 0 if there are none.
         to_s: when the last was.
         damage: what the torn journal lacks.
+        is_live: whether its program still wrote it.
     """
 
     messages: int
     from_s: float
     to_s: float
     damage: Damage
+    is_live: bool
 
 
 def recover(path: Path, target: Path) -> Recovery:
@@ -48,7 +50,13 @@ def recover(path: Path, target: Path) -> Recovery:
     except BaseException:
         made.unlink(missing_ok=True)
         raise
-    return Recovery(messages=count, from_s=first_ns / 1e9, to_s=last_ns / 1e9, damage=reader.damage)
+    return Recovery(
+        messages=count,
+        from_s=first_ns / 1e9,
+        to_s=last_ns / 1e9,
+        damage=reader.damage,
+        is_live=reader.is_live,
+    )
 
 
 def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:

@@ -1,0 +1,90 @@
+"""Journals as others see them: readers of MCAP that are not ours, and the schemas that come with every message."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import small_mcap
+from mcap.reader import make_reader
+
+from codra_dsl.runtime import WallClock
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.journal.schemas import TOPICS, kind_of
+from generated import kitchen, lab
+from tests.runtime.forests import World
+from tests.runtime.journals import run_door
+from tests.runtime.test_journal_replay import hammer, journalled, unruly, unruly_forest
+from tests.whys.arena import package, run_until
+
+
+@pytest.fixture(scope="module")
+def journals(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Long runs of the laboratory's spec, the kitchen's, specs by chance, a door, and one in real time."""
+    folder = tmp_path_factory.mktemp("journals")
+    for number, module in enumerate((lab, kitchen, *(package(seed, folder / "specs") for seed in (5, 6, 7)))):
+        run_until(module, number, 120.0, folder / f"{number}.mcap").manager.close()
+    run_door(folder / "door.mcap", loops=60)
+    model = unruly_forest(1)
+    names = [name for each in model.observers for name in each.identifies]
+    world = World({f"look_{name}_{rank}": unruly for name in names for rank in range(2)})
+    with WallClock() as clock, journalled(model, world, folder / "real.mcap", clock, 1) as manager:
+        hammer(manager, clock, 1, clock.now_s() + 2.0)
+    return sorted(folder.glob("*.mcap"))
+
+
+def test_another_reader_of_mcap_finds_the_same_messages(journals: list[Path]) -> None:
+    """`small_mcap` shares no code with the library by which journals are written."""
+    for path in journals:
+        with path.open("rb") as stream:
+            found = make_reader(stream).iter_messages(log_time_order=False)
+            theirs = sorted((channel.topic, each.log_time, each.sequence, each.data) for _, channel, each in found)
+        with path.open("rb") as stream:
+            others = [
+                (channel.topic, each.log_time, each.sequence, bytes(each.data))
+                for _, channel, each in small_mcap.read_message(stream)
+            ]
+        assert sorted(others) == theirs
+        assert len(theirs) > 300
+
+
+def test_every_message_is_what_its_schema_says_and_no_field_is_unknown_to_it(journals: list[Path]) -> None:
+    said: Counter[tuple[Kind, str]] = Counter()
+    for path in journals:
+        validators: dict[int, Any] = {}
+        with path.open("rb") as stream:
+            for schema, channel, message in make_reader(stream).iter_messages():
+                assert schema is not None
+                if schema.id not in validators:
+                    validators[schema.id] = jsonschema.Draft202012Validator(json.loads(schema.data))
+                content, kind = json.loads(message.data), kind_of(channel.topic)
+                validators[schema.id].validate(content)
+                assert set(content) <= set(validators[schema.id].schema["properties"])
+                if kind is not None:
+                    said[kind, content["what"]] += 1
+    assert {kind for kind, _ in said} == set(Kind)
+    assert len(said) >= 30, "the runs must show most of what can happen"
+
+
+def test_every_kind_of_event_has_its_topic_and_no_two_share_one() -> None:
+    assert set(TOPICS) == set(Kind)
+    assert len({topic.folder for topic in TOPICS.values()}) == len(TOPICS)
+    for kind, topic in TOPICS.items():
+        assert kind_of(topic.folder) is kind
+        assert kind_of(f"{topic.folder}/name") is kind
+        assert kind_of(f"{topic.folder}s") is None
+
+
+def test_a_message_with_a_field_too_many_would_be_found(tmp_path: Path) -> None:
+    """The schemas are closed: the check above can fail."""
+    run_door(tmp_path / "run.mcap", loops=1)
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        for schema, _, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            content = {**json.loads(message.data), "surplus": 1}
+            with pytest.raises(jsonschema.ValidationError, match="surplus"):
+                jsonschema.Draft202012Validator(json.loads(schema.data)).validate(content)
