@@ -237,7 +237,11 @@ class Branch:
             if first_s is None:
                 return False
             start_s = min(start_s, first_s)
-        return self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
+        counts = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
+        if counts and not self._is_accepted:
+            self._is_accepted = True
+            self._account.accepted += 1
+        return counts
 
     # Within
 

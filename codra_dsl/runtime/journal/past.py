@@ -17,7 +17,7 @@ from codra_dsl.runtime.journal.schemas import kind_of
 _PLACES = 64
 """At how many places of a file is kept what its events come to, at most."""
 
-_NEEDED = frozenset({Kind.VARIABLE, Kind.OBSERVER, Kind.JOB, Kind.DECLARATION})
+_NEEDED = frozenset(Kind) - {Kind.INPUT, Kind.DECISION}
 _CLOSE = b'"what":"close"'
 
 
