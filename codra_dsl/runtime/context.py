@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
+import itertools
 import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -18,32 +18,31 @@ from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.declarations import MAIN
-from codra_dsl.runtime.evidence import Present
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
+from codra_dsl.runtime.holding import Holding
 from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
 from codra_dsl.runtime.journal.head import Head
+from codra_dsl.runtime.messages import Send, Session
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
+from codra_dsl.runtime.names import UnknownNameError, unknown
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
-from codra_dsl.runtime.perception import CallError, Function, Perception, Spent, imported
-from codra_dsl.runtime.question import Question
+from codra_dsl.runtime.perception import Function, Perception, Spent, check_handles, imported
+from codra_dsl.runtime.question import Question, Step
 from codra_dsl.runtime.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.subscriptions import Subscription, Subscriptions
+from codra_dsl.runtime.waiting import wait_for
 from codra_dsl.runtime.why import Why, explain
 
 VariableName = TypeVar("VariableName", bound=str)
 SkillName = TypeVar("SkillName", bound=str)
 
 __all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
-
-
-class UnknownNameError(LookupError):
-    """A name that the spec does not declare."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,8 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     Attributes:
         record: what happened.
-        inputs: takes, one step each, what programs ask; for whoever replays a run.
+        model: what the spec was compiled to.
+        inputs: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
     """
 
     def __init__(
@@ -96,13 +96,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or of no use.
         """
-        _check_handles(model, resources)
+        check_handles(model, resources)
         self.record = Record() if record is None else record
-        self._name = model.name
+        self.model = model
         self._lock = threading.RLock()
-        self._of_thread = threading.local()
         self._clock = LockedClock(clock, self._lock)
-        self._notify = clock.notify
+        self._time = clock
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
@@ -131,7 +130,8 @@ class ContextManager(Generic[VariableName, SkillName]):
             skills=self._skills,
             explain=self._explained,
         )
-        self._closed = False
+        self._holding = Holding(self._slots, self.inputs, self._clock)
+        self._sessions = itertools.count(2)
         self.record.begin(lambda: self._head(seed))
 
     def __enter__(self) -> Self:
@@ -146,8 +146,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         A decision that waits for an observer in another thread waits no longer.
         """
         with self._clock:
-            if not self._closed:
-                self._closed = True
+            if not self.inputs.is_closed:
                 self.inputs.close()
                 self.record.end()
                 self._clock.notify()
@@ -242,7 +241,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         """
         cell = self._store.cells.get(name)
         if cell is None:
-            raise _unknown("variable", name, self._store.cells)
+            raise unknown("variable", name, self._store.cells)
         reading = cell.reading
         if reading.reason is None and reading.expires_s > self._clock.now_s():
             return reading
@@ -298,7 +297,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         """
         names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
         if name not in names:
-            raise _unknown("variable whose source is", name, sorted(names))
+            raise unknown("variable whose source is", name, sorted(names))
         return Agent(name, self._write_as)
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
@@ -335,29 +334,15 @@ class ContextManager(Generic[VariableName, SkillName]):
         Raises:
             NotOfTypeError: if `otherwise` returns what is no value of the variable.
         """
-        model = self._model(name)
-        demand = Demand(
-            variable=name,
-            max_age_s=float(max_age_s),
-            since_s=float(since_s),
-            wait_up_to_s=float(wait_up_to_s),
-            shadow=shadow,
-        )
-        decision = self.inputs.ask(demand)
-        if not decision.met and wait_up_to_s > 0:
-            self._clock.wait_until(
-                lambda: self._closed or demand.is_met(self._reading(name), self._clock.now_s()), wait_up_to_s
-            )
-            self.inputs.resume(decision)
-        if decision.is_answered:
-            return decision.reading.content
+        question = self.ask(name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow)
+        if question.wait(math.inf) is Step.ANSWERED:
+            return question.value
         try:
             found = otherwise()
-            content = None if found is None else model.type.convert(found)
         except BaseException as error:
-            self.inputs.conclude(decision, None, raised=type(error).__name__)
+            question.abandon(type(error).__name__)
             raise
-        self.inputs.conclude(decision, content)
+        question.found(found)
         return found
 
     def shadow_report(self) -> ShadowReport:
@@ -380,6 +365,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         with self._clock:
             return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
 
+    def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
+        """Call back, as `subscribe` does, whenever there is newer evidence or another reading of a variable."""
+        self._model(name)
+        with self._clock:
+            return self._subscriptions.follow(name, callback)
+
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
         """Wait until a variable is known, or a condition over variables holds; return whether that came true.
 
@@ -390,14 +381,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         term = condition if isinstance(condition, Term) else known(condition)
         for name in sorted(term.variables()):
             self._model(name)
-        end_s = self._clock.now_s() + timeout_s
-        while not self._holds(term):
-            left_s = end_s - self._clock.now_s()
-            if left_s <= 0:
-                return False
-            flips_s = term.flips_s(Present(self._store.cells, self._clock.now_s()))
-            self._clock.wait_until(lambda: self._holds(term), left_s if flips_s is None else min(flips_s, left_s))
-        return True
+        return wait_for(term, self._store.cells, self._clock, timeout_s)
 
     def ask(
         self,
@@ -440,37 +424,18 @@ class ContextManager(Generic[VariableName, SkillName]):
             RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
                 Or if the clock was closed before the slots were free.
         """
-        for resource in resources:
-            self._check_slots(resource)
-        held = self._held()
-        wanted = tuple(name for name in dict.fromkeys(resources) if name not in held)
-        if not wanted:
+        with self._holding.hold(resources):
             yield
-            return
-        if held:
-            together = ", ".join(repr(name) for name in (*sorted(held), *wanted))
-            raise RuntimeError(f"slots are taken together, lest two threads wait for each other: slot({together})")
-        granted = threading.Event()
 
-        def grant() -> None:
-            granted.set()
-            self._clock.notify()
+    def session(self, send: Send) -> Session:
+        """Begin a session for one more main execution, which speaks in messages: plain data, from wherever it is.
 
-        number = self.inputs.request_slots(wanted, grant)
-        try:
-            if not self._clock.wait_until(granted.is_set, math.inf):
-                raise RuntimeError("the clock was closed before the slots were free")
-            held.update(dict.fromkeys(wanted))
-            yield
-        finally:
-            for resource in wanted:
-                held.pop(resource, None)
-            self.inputs.release_slots(number)
+        Args:
+            send: takes answers and notices, from any thread; it must neither wait nor raise.
+        """
+        return Session(self, self._time, f"{MAIN} {next(self._sessions)}", send)
 
     # Within
-
-    def _holds(self, term: Term) -> bool:
-        return term.holds(Present(self._store.cells, self._clock.now_s()))
 
     def _skill_under_way(self, model: SkillModel, number: int) -> Skill:
         return Skill(
@@ -487,7 +452,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Return what a journal says of this run."""
         manifest = manifest_of(package_folder(self))
         return Head(
-            spec=self._name,
+            spec=self.model.name,
             file=str(manifest.get("spec", "")),
             model=str(manifest.get("model", "")),
             seed=seed,
@@ -497,37 +462,22 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     def _outlined(self) -> Outline:
         return outlined(
-            self._name,
+            self.model.name,
             self._store.variables.values(),
             self._forest.observers.values(),
             self._skills.values(),
             package_folder(self),
         )
 
-    def _held(self) -> dict[str, None]:
-        """Return the resources of which this thread has a slot."""
-        if not hasattr(self._of_thread, "held"):
-            self._of_thread.held = {}
-        held: dict[str, None] = self._of_thread.held
-        return held
-
-    def _check_slots(self, resource: str) -> None:
-        if resource not in self._slots.resources:
-            raise _unknown("resource", resource, self._slots.resources)
-        if self._slots.resources[resource] == math.inf:
-            raise UnknownNameError(
-                f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
-            )
-
     def _reading(self, name: str) -> Reading[Value]:
         try:
             return self._store.reading(name)
         except KeyError:
-            raise _unknown("variable", name, self._store.cells) from None
+            raise unknown("variable", name, self._store.cells) from None
 
     def _check_open(self) -> None:
         """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
-        if self._closed:
+        if self.inputs.is_closed:
             raise RuntimeError("the context manager is closed: start() makes a new one")
 
     def _explained(self, reading: Reading[Value]) -> Reading[Any]:
@@ -538,12 +488,12 @@ class ContextManager(Generic[VariableName, SkillName]):
 
     def _model(self, name: str) -> VariableModel:
         if name not in self._store.variables:
-            raise _unknown("variable", name, self._store.variables)
+            raise unknown("variable", name, self._store.variables)
         return self._store.variables[name]
 
     def _skill(self, name: str) -> SkillModel:
         if name not in self._skills:
-            raise _unknown("skill", name, self._skills)
+            raise unknown("skill", name, self._skills)
         return self._skills[name]
 
     def _urgency(self, observer: str) -> int:
@@ -553,12 +503,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._forest.changed(name, is_renewed)
         self._expectations.changed(name)
         self._subscriptions.changed(name, self._store.reading)
-        self._notify()
+        self._time.notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
         model = self._store.variables.get(name)
         if model is None:
-            raise _unknown("variable", name, self._store.variables)
+            raise unknown("variable", name, self._store.variables)
         self.inputs.write(name, model.type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
@@ -566,19 +516,3 @@ class ContextManager(Generic[VariableName, SkillName]):
             forgets = self._store.variables[name].when_unobservable == "forget"
             if forgets and self._store.reading(name).known:
                 self._store.make_unknown(name, Reason.WITHDRAWN, observer.name, MAIN)
-
-
-def _check_handles(model: ContextModel, handles: Iterable[str]) -> None:
-    """Refuse a handle that nothing reads: its name is misspelt, or its resource has slots instead."""
-    slots = {resource.name: resource.slots for resource in model.resources}
-    for name in handles:
-        if name not in slots:
-            raise CallError(str(_unknown("resource", name, slots)))
-        if slots[name] is not None:
-            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")
-
-
-def _unknown(kind: str, name: str, names: Iterable[str]) -> UnknownNameError:
-    similar = difflib.get_close_matches(str(name), list(names), n=1)
-    hint = f": did you mean {similar[0]!r}?" if similar else ""
-    return UnknownNameError(f"the spec has no {kind} {name!r}{hint}")

@@ -6,10 +6,20 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 
 MAIN = "main_execution"
-"""Who holds what is declared by itself."""
+"""Who holds what the main execution declares by itself; of several, each has a number behind its name."""
 
-EXPECTED = "expected"
-"""Who holds what expected skills preview; any other holder is a skill under way."""
+_EXPECTED = "expected"
+_UNDER_WAY = "skill "
+
+
+def expected_by(party: str) -> str:
+    """Return who holds what the skills preview that a main execution expects."""
+    return _EXPECTED if party == MAIN else f"{_EXPECTED} by {party}"
+
+
+def under_way(skill: str, number: int) -> str:
+    """Return who holds what a skill under way previews and monitors."""
+    return f"{_UNDER_WAY}{skill} {number}"
 
 
 class Declarations:
@@ -45,11 +55,14 @@ class Declarations:
 
     def of_expected(self) -> tuple[str, ...]:
         """Return what is declared for skills that are expected."""
-        return self.of(EXPECTED)
+        return self._of_those_with(_EXPECTED)
 
     def of_skills(self) -> tuple[str, ...]:
         """Return what is declared for skills under way."""
-        return tuple(name for holder in self._holders if holder not in (MAIN, EXPECTED) for name in self.of(holder))
+        return self._of_those_with(_UNDER_WAY)
+
+    def _of_those_with(self, start: str) -> tuple[str, ...]:
+        return tuple(name for holder in self._holders if holder.startswith(start) for name in self.of(holder))
 
     def add(self, holder: str, name: str) -> None:
         """Let a holder declare one variable more; harmless when it does so already."""

@@ -15,7 +15,7 @@ from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
-from codra_dsl.runtime.declarations import EXPECTED, MAIN, Declarations
+from codra_dsl.runtime.declarations import MAIN, Declarations, expected_by, under_way
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.journal import Kind, Scribe
@@ -75,8 +75,9 @@ class Inputs:
             {name: observer.model.identifies for name, observer in observers},
             {name: observer.needs() for name, observer in observers},
         )
-        self._expected: list[str] = []
-        self._begun: dict[int, SkillModel] = {}
+        self.is_closed = False
+        self._expected: dict[str, list[str]] = {}
+        self._begun: dict[int, tuple[str, SkillModel]] = {}
         self._skills_begun = 0
         self._decisions_asked = 0
         self._tickets: dict[int, Ticket] = {}
@@ -84,35 +85,35 @@ class Inputs:
 
     # What the main execution declares (P1, Equation 4)
 
-    def declare(self, name: str) -> None:
+    def declare(self, name: str, party: str = MAIN) -> None:
         """Take a variable into C_E(t)."""
         with self._clock:
-            self._tell("declare", variable=name)
-            self.declarations.add(MAIN, name)
+            self._tell("declare", party, variable=name)
+            self.declarations.add(party, name)
 
-    def withdraw(self, name: str) -> None:
+    def withdraw(self, name: str, party: str = MAIN) -> None:
         """Take back what `declare` said."""
         with self._clock:
-            self._tell("withdraw", variable=name)
-            self.declarations.remove(MAIN, name)
+            self._tell("withdraw", party, variable=name)
+            self.declarations.remove(party, name)
 
-    def expect(self, skills: Iterable[str]) -> None:
-        """Let these skills come next, and no others."""
+    def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
+        """Let these skills of a main execution come next, and no others."""
         with self._clock:
             expected = list(skills)
-            self._tell("expect", skills=expected)
-            self._hold_expected(expected)
+            self._tell("expect", party, skills=expected)
+            self._hold_expected(expected, party)
 
-    def begin(self, name: str) -> int:
+    def begin(self, name: str, party: str = MAIN) -> int:
         """Begin a skill; return its number, by which it ends."""
         with self._clock:
-            self._tell("begin", skill=name)
+            self._tell("begin", party, skill=name)
             self._skills_begun += 1
-            number = self._skills_begun
-            skill = self._begun[number] = self._skills[name]
+            number, skill = self._skills_begun, self._skills[name]
+            self._begun[number] = (party, skill)
             self._attention.begin(skill.monitor)
-            self.declarations.hold(_holder(skill, number), (*skill.preview, *skill.monitor))
-            self._hold_expected([other for other in self._expected if other != name])
+            self.declarations.hold(under_way(skill.name, number), (*skill.preview, *skill.monitor))
+            self._hold_expected([other for other in self._expected.get(party, ()) if other != name], party)
             self._forest.look_again()
             return number
 
@@ -123,9 +124,9 @@ class Inputs:
             RuntimeError: if the skill has ended.
         """
         with self._clock:
-            skill = self._begun.get(number)
-            if skill is None:
+            if number not in self._begun:
                 raise RuntimeError("a skill that has ended cannot act: begin it anew")
+            _party, skill = self._begun[number]
             self._tell("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
@@ -143,15 +144,22 @@ class Inputs:
         """End a skill."""
         with self._clock:
             self._tell("finish", number=number)
-            skill = self._begun.pop(number)
-            self._expectations.finish(number)
-            self._attention.finish(skill.monitor)
-            self.declarations.hold(_holder(skill, number), ())
+            self._finish(number)
+
+    def leave(self, party: str) -> None:
+        """Withdraw all that a main execution declares: it has left, or nothing is heard of it any more."""
+        with self._clock:
+            self._tell("leave", party)
+            for number in [number for number, (whose, _) in self._begun.items() if whose == party]:
+                self._finish(number)
+            self._hold_expected([], party)
+            self.declarations.hold(party, ())
 
     def close(self) -> None:
         """Withdraw everything."""
         with self._clock:
             self._tell("close")
+            self.is_closed = True
             self._expected.clear()
             for holder in self.declarations.holders():
                 self.declarations.hold(holder, ())
@@ -246,13 +254,19 @@ class Inputs:
 
     # Within
 
-    def _tell(self, what: str, **details: object) -> None:
-        self._scribe.tell_input(MAIN, what, **details)
+    def _tell(self, what: str, party: str = MAIN, /, **details: object) -> None:
+        self._scribe.tell_input(party, what, **details)
 
-    def _hold_expected(self, skills: list[str]) -> None:
-        self._expected = skills
+    def _finish(self, number: int) -> None:
+        _party, skill = self._begun.pop(number)
+        self._expectations.finish(number)
+        self._attention.finish(skill.monitor)
+        self.declarations.hold(under_way(skill.name, number), ())
+
+    def _hold_expected(self, skills: list[str], party: str) -> None:
+        self._expected[party] = skills
         previews = (name for skill in skills for name in self._skills[skill].preview)
-        self.declarations.hold(EXPECTED, previews)
+        self.declarations.hold(expected_by(party), previews)
 
     def _enter(self, name: str, holder: str) -> None:
         self._scribe.tell(Kind.DECLARATION, name, "declared", holder=holder)
@@ -311,12 +325,8 @@ class Inputs:
         why = {"reason": reading.reason, "detail": reading.detail}
         about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
         if self._begun:  # the skill that was begun last
-            about["skill"] = next(reversed(self._begun.values())).name
+            about["skill"] = next(reversed(self._begun.values()))[1].name
         self._scribe.tell(Kind.DECISION, reading.name, what, **about, **details)
-
-
-def _holder(skill: SkillModel, number: int) -> str:
-    return f"skill {skill.name} {number}"
 
 
 def _first() -> tuple[float, int]:

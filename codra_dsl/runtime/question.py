@@ -63,6 +63,16 @@ class Question:
         self.step = Step.WAITING if waits else self._settled()
 
     @property
+    def number(self) -> int:
+        """Return the number of the decision among all of the run."""
+        return self._decision.number
+
+    @property
+    def reading(self) -> Reading[Value]:
+        """Return what context held when it was asked last."""
+        return self._decision.reading
+
+    @property
     def value(self) -> Any:
         """Return the answer from context.
 
@@ -75,7 +85,7 @@ class Question:
 
     def poll(self) -> Step:
         """Go on, if context can answer by now or the time to wait is over; return the step reached."""
-        if self.step is Step.WAITING and (self._is_met() or self._left_s() <= 0):
+        if self.step is Step.WAITING and (self._need_wait_no_more() or self._left_s() <= 0):
             self._inputs.resume(self._decision)
             self.step = self._settled()
         return self.step
@@ -83,7 +93,7 @@ class Question:
     def wait(self, longest_s: float) -> Step:
         """Let time pass until the next step, for `longest_s` at most; return the step reached."""
         if self.poll() is Step.WAITING:
-            self._clock.wait_until(self._is_met, min(longest_s, self._left_s()))
+            self._clock.wait_until(self._need_wait_no_more, min(longest_s, self._left_s()))
         return self.poll()
 
     def found(self, value: object) -> None:
@@ -114,6 +124,9 @@ class Question:
 
     def _is_met(self) -> bool:
         return self._decision.demand.is_met(self._read(), self._clock.now_s())
+
+    def _need_wait_no_more(self) -> bool:
+        return self._inputs.is_closed or self._is_met()
 
     def _left_s(self) -> float:
         return self._decision.asked_s + self._decision.demand.wait_up_to_s - self._clock.now_s()

@@ -126,6 +126,7 @@ class Subscriptions:
         self._lock = lock
         self._lines: dict[str, list[Line[Reading[Any]]]] = {}
         self._last: dict[tuple[int, str], tuple[object, object]] = {}
+        self._followers: dict[str, list[Line[None]]] = {}
         self._of_skill: dict[int, list[Line[Any]]] = {}
 
     def subscribe(self, readings: Iterable[Reading[Any]], callback: Callable[[Reading[Any]], object]) -> Subscription:
@@ -135,6 +136,12 @@ class Subscriptions:
         for reading in present:
             self._lines[reading.name] = [*self._lines.get(reading.name, ()), line]
             self._tell(line, reading)
+        return line.subscription
+
+    def follow(self, name: str, callback: Callable[[], object]) -> Subscription:
+        """Call back whenever there is another reading of a variable, though it may only be newer evidence."""
+        line: Line[None] = Line(self._clock, lambda _: callback(), lambda line: self._forget_follower(name, line))
+        self._followers[name] = [*self._followers.get(name, ()), line]
         return line.subscription
 
     def subscribe_to_skill(self, number: int, callback: Callable[[Any], object]) -> Subscription:
@@ -147,6 +154,8 @@ class Subscriptions:
         """Tell of a variable that may be another than it was."""
         for line in self._lines.get(name, ()):
             self._tell(line, read(name))
+        for follower in self._followers.get(name, ()):
+            follower.put(None)
 
     def judged(self, number: int, verdict: object) -> None:
         """Tell what came of an expectation of a skill."""
@@ -169,6 +178,10 @@ class Subscriptions:
                 if line in lines:
                     self._lines[name] = [other for other in lines if other is not line]
                     self._last.pop((id(line), name), None)
+
+    def _forget_follower(self, name: str, line: Line[None]) -> None:
+        with self._lock:
+            self._followers[name] = [other for other in self._followers[name] if other is not line]
 
     def _forget_of_skill(self, number: int, line: Line[Any]) -> None:
         with self._lock:

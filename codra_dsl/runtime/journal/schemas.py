@@ -240,7 +240,7 @@ def _of_expectation(name: str, outline: Outline) -> tuple[str, Field]:
 def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
     return "codra.Input", _event(
         "What reached the context manager from outside. Replay starts from these and from what jobs returned.",
-        "Who it came from: main_execution, an agent, an algorithm, or the clock.",
+        "Who it came from: main_execution, with a number if there are several, an agent, an algorithm, or the clock.",
         {
             "declare": "a variable is needed",
             "withdraw": "it is not needed any more",
@@ -255,6 +255,7 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
             "found": "the main execution has looked itself",
             "request": "the main execution wants slots",
             "release": "it gives them back",
+            "leave": "all that it declared is withdrawn",
             "close": "the run ends",
             "delivered": "the function of a job came to its end",
             "unstarted": "the function of a job could not be started",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from codra_dsl.isolation.messages import described
 from codra_dsl.runtime.perception.attempt import Attempt, State
-from codra_dsl.runtime.perception.calls import CallError, Function, imported
+from codra_dsl.runtime.perception.calls import CallError, Function, check_handles, imported
 from codra_dsl.runtime.perception.job import Interval, Job
 from codra_dsl.runtime.perception.outcome import Failure, Result, checked
 from codra_dsl.runtime.perception.perception import Perception
@@ -22,6 +22,7 @@ __all__ = [
     "Result",
     "Spent",
     "State",
+    "check_handles",
     "checked",
     "described",
     "imported",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Protocol
 
 from codra_dsl.isolation.perceiver import AbsentError, found
-from codra_dsl.runtime.model import Algorithm
+from codra_dsl.runtime.model import Algorithm, ContextModel
+from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.perception.job import RunningJob
 
 Function = Callable[..., object]
@@ -76,3 +77,13 @@ def imported(algorithm: Algorithm) -> Function:
 def absent(algorithm: Algorithm, why: object) -> CallError:
     """Return the error about a `call` that names nothing that perceives; `why` begins with a comma or colon."""
     return CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}{why}")
+
+
+def check_handles(model: ContextModel, handles: Iterable[str]) -> None:
+    """Refuse a handle that nothing reads: its name is misspelt, or its resource has slots instead."""
+    slots = {resource.name: resource.slots for resource in model.resources}
+    for name in handles:
+        if name not in slots:
+            raise CallError(str(unknown("resource", name, slots)))
+        if slots[name] is not None:
+            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")

@@ -75,19 +75,21 @@ class _Player:
         inputs = self._inputs
         match event.what:
             case "declare":
-                inputs.declare(details["variable"])
+                inputs.declare(details["variable"], event.name)
             case "withdraw":
-                inputs.withdraw(details["variable"])
+                inputs.withdraw(details["variable"], event.name)
             case "expect":
-                inputs.expect(details["skills"])
+                inputs.expect(details["skills"], event.name)
             case "begin":
-                inputs.begin(details["skill"])
+                inputs.begin(details["skill"], event.name)
             case "act":
                 inputs.act(details["number"])
             case "acted":
                 inputs.acted(details["number"])
             case "finish":
                 inputs.finish(details["number"])
+            case "leave":
+                inputs.leave(event.name)
             case "write":
                 (evidence_s,) = details.get("evidence_s", (None,))
                 inputs.write(details["variable"], details.get("value"), event.name, evidence_s)

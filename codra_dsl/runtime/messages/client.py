@@ -1,0 +1,237 @@
+"""The context manager as a main execution in another process has it."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
+from typing import Any, Self, TypeVar
+
+from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.messages.lines import Address, connected, line_of, message_of, read_line
+from codra_dsl.runtime.messages.protocol import VERSION, Plain, error_of, reading_of
+from codra_dsl.runtime.messages.session import LEASE_S
+
+Answer = TypeVar("Answer")
+Callback = Callable[[Reading[Any]], None]
+
+PATIENCE_S = 5.0
+"""How long the manager may take for an answer that need not wait for observers."""
+
+
+class RemoteSkill:
+    """A skill under way."""
+
+    def __init__(self, tell: Callable[[str], object]) -> None:
+        self._tell = tell
+
+    @contextlib.contextmanager
+    def acting(self) -> Iterator[None]:
+        """Act: from here what the skill changes is unknown, only newer evidence counts, and so do its expectations."""
+        self._tell("act")
+        try:
+            yield
+        finally:
+            self._tell("acted")
+
+
+class RemoteContext:
+    """Asks a manager that serves at an address. What it declares is withdrawn when it closes, or dies.
+
+    Calls mean what they mean on `ContextManager`, and raise the same errors; ConnectionError if the manager is gone or
+    does not answer. Threads may share it; callbacks run in a thread of its own.
+    """
+
+    def __init__(self, address: Address, *, lease_s: float = LEASE_S) -> None:
+        """Connect.
+
+        Args:
+            address: the path of a Unix socket, or a port of 127.0.0.1.
+            lease_s: how long what is declared stays declared when nothing is heard of this process any more.
+
+        Raises:
+            ConnectionError: if no manager is there.
+        """
+        try:
+            self._socket = connected(address, PATIENCE_S)
+        except OSError as error:
+            raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
+        self._lock = threading.Lock()
+        self._numbers = itertools.count(1)
+        self._asked: dict[int, Future[Plain]] = {}
+        self._callbacks: dict[int, Callback] = {}
+        self._told: queue.Queue[Plain | None] = queue.Queue()
+        self._ended = threading.Event()
+        self._lost = "the connection is closed"
+        for body in (self._read, self._call_back, lambda: self._keep(lease_s / 3)):
+            threading.Thread(target=body, name="codra-client", daemon=True).start()
+        self.hello = self._ask("hello", lease_s=lease_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Take back all that was declared, and disconnect."""
+        with contextlib.suppress(ConnectionError, RuntimeError):
+            self._ask("leave")
+        self._end("the connection is closed")
+
+    def declare(self, name: str, value: object = None) -> None:
+        """Take a variable into C_E(t) (P1, Equation 4)."""
+        self._ask("declare", variable=name, **({} if value is None else {"value": value}))
+
+    def withdraw(self, name: str) -> None:
+        """Take back what `declare` said."""
+        self._ask("withdraw", variable=name)
+
+    def expect(self, *skills: str) -> None:
+        """Say which skills come next."""
+        self._ask("expect", skills=list(skills))
+
+    @contextlib.contextmanager
+    def skill(self, name: str) -> Iterator[RemoteSkill]:
+        """Run a skill: what it previews and monitors is declared until it ends."""
+        number = self._ask("begin", skill=name)["number"]
+        try:
+            yield RemoteSkill(lambda what: self._ask(what, number=number))
+        finally:
+            self._ask("finish", number=number)
+
+    def get(self, name: str) -> Reading[Any]:
+        """Return what is known of a variable now."""
+        return reading_of(self._ask("get", variable=name)["reading"])
+
+    def set(self, name: str, value: object, *, evidence_s: float | None = None, agent: str | None = None) -> None:
+        """Write a variable as the main execution, or as an agent."""
+        given = {"evidence_s": evidence_s, "agent": agent}
+        self._ask("set", variable=name, value=value, **{key: each for key, each in given.items() if each is not None})
+
+    def decide(
+        self,
+        name: str,
+        otherwise: Callable[[], Answer],
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> Any | Answer:
+        """Answer a decision from context, or fall back to sequential perception; also when the manager is gone."""
+        asked = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
+        fields = {key: each for key, each in asked.items() if math.isfinite(each)}
+        try:
+            answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
+        except ConnectionError:
+            return otherwise()
+        if answer["answered"]:
+            return reading_of(answer["reading"]).content
+        return self._look(answer["decision"], otherwise)
+
+    def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
+        """Call back with what variables are now, and with each change of them; return what ends that."""
+        with self._lock:
+            asked, future = self._send("subscribe", {"variables": [names] if isinstance(names, str) else list(names)})
+            future.add_done_callback(lambda done: self._register(done, callback))
+        number = self._answer(asked, future, PATIENCE_S)["subscription"]
+        return lambda: self._unsubscribe(number)
+
+    # Within
+
+    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
+        try:
+            found = otherwise()
+        except BaseException as error:
+            with contextlib.suppress(ConnectionError):
+                self._ask("found", decision=decision, raised=type(error).__name__)
+            raise
+        with contextlib.suppress(ConnectionError):
+            self._ask("found", decision=decision, **({} if found is None else {"value": found}))
+        return found
+
+    def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> Plain:
+        with self._lock:
+            number, future = self._send(ask, fields)
+        return self._answer(number, future, wait_s + PATIENCE_S)
+
+    def _send(self, ask: str, fields: Plain) -> tuple[int, Future[Plain]]:
+        number, future = next(self._numbers), Future[Plain]()
+        line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
+        if self._ended.is_set():
+            raise ConnectionError(self._lost)
+        self._asked[number] = future
+        try:
+            self._socket.sendall(line)
+        except OSError as error:
+            del self._asked[number]
+            raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
+        return number, future
+
+    def _answer(self, number: int, future: Future[Plain], wait_s: float) -> Plain:
+        try:
+            return future.result(wait_s)
+        except TimeoutError:
+            self._asked.pop(number, None)
+            raise ConnectionError(f"the manager did not answer within {wait_s:g} s") from None
+
+    def _read(self) -> None:
+        lost = "the manager is gone"
+        try:
+            with self._socket.makefile("rb") as stream:
+                while (line := read_line(stream)) is not None:
+                    self._take(message_of(line))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            lost = f"the manager is gone: {error}"
+        self._end(lost)
+
+    def _take(self, message: Any) -> None:
+        if message.get("notice") == "lease_over":
+            raise OSError(message["message"])
+        if message.get("notice") == "reading":
+            self._told.put(message)
+        elif (future := self._asked.pop(message["id"], None)) is None:
+            return
+        elif "error" in message:
+            future.set_exception(error_of(message["error"]))
+        else:
+            future.set_result(message["answer"])
+
+    def _end(self, lost: str) -> None:
+        with self._lock:
+            if self._ended.is_set():
+                return
+            self._lost = lost
+            self._ended.set()
+            waiting, self._asked = self._asked, {}
+        self._told.put(None)
+        for future in waiting.values():
+            future.set_exception(ConnectionError(lost))
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(2)
+        self._socket.close()
+
+    def _keep(self, period_s: float) -> None:
+        while not self._ended.wait(period_s):
+            with contextlib.suppress(ConnectionError):
+                self._ask("keep")
+
+    def _register(self, done: Future[Plain], callback: Callback) -> None:
+        if done.exception() is None:
+            self._callbacks[done.result()["subscription"]] = callback
+
+    def _unsubscribe(self, number: int) -> None:
+        self._callbacks.pop(number, None)
+        with contextlib.suppress(ConnectionError, ValueError):
+            self._ask("unsubscribe", subscription=number)
+
+    def _call_back(self) -> None:
+        while (message := self._told.get()) is not None:
+            callback = self._callbacks.get(message["subscription"])
+            if callback is not None:
+                callback(reading_of(message["reading"]))
