@@ -19,7 +19,7 @@ from pathlib import Path
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.diagnostics import Diagnostic, Place, Severity, Span, rules
-from codra_dsl.project import MANIFEST, MANIFEST_FORMAT
+from codra_dsl.project import MANIFEST, MANIFEST_FORMAT, covers
 
 _CACHE = "__pycache__"
 _ENTRY = "__init__.py"
@@ -250,7 +250,7 @@ def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
         spec = str(json.loads(_text(package / MANIFEST))["spec"])
     except (ValueError, TypeError, LookupError):
         return False
-    return any(path in (".", spec) or spec.startswith(f"{path}/") for path in covered)
+    return covers(covered, spec)
 
 
 def _bytes(path: Path) -> bytes | None:

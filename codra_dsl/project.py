@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 SETTINGS = "pyproject.toml"
@@ -52,6 +52,11 @@ def straight(path: Path) -> Path:
 def relative(path: Path, root: Path) -> str:
     """Return a path as findings name it: from a project's root, with `/`."""
     return Path(os.path.relpath(path.absolute(), root.absolute())).as_posix()
+
+
+def covers(paths: Iterable[str], file: str) -> bool:
+    """Return whether a file is one of some paths or stands in one of them; all are relative to the root."""
+    return any(path in (".", file) or file.startswith(f"{path}/") for path in paths)
 
 
 def yaml_files(folder: Path) -> Iterator[Path]:

@@ -155,7 +155,7 @@ def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
 
     if not run.outputs or not has_stale_schema(root):
         return ()
-    from codra_dsl.starter.freshness import judge_schema, renew_schema
+    from codra_dsl.starter.schema import judge_schema, renew_schema
 
     return judge_schema(root) if check else renew_schema(root)
 

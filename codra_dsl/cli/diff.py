@@ -191,13 +191,13 @@ def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
 
 
 def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
-    from codra_dsl.project import root_of, straight
+    from codra_dsl.project import straight
 
     if wanted and not path.is_dir():
         raise typer.BadParameter(f"'{name}' is no folder: there is nothing below it", param_hint="PATH")
     paths = [path / each for each in wanted] or [path]
     present = tuple(straight(each) for each in paths if each.exists())
-    root = root_of(present[0] if present else path)
+    root = _root(present or (path,), Path("/"))
     return _Side(name=name, paths=present, root=root, shown="", folder=folder_in_repository(root))
 
 
@@ -220,7 +220,7 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
         if any((folder / path).is_relative_to(each) for each in there):
             say(f"codra: {name}:{path} is {what}: not read")
     present = tuple(path for path in there if path.exists())
-    root = _root(present[0], folder) if present else folder
+    root = _root(present, folder) if present else folder
     prefix = root.relative_to(folder).as_posix()
     shown = f"{name}:" if prefix == "." or kept == top / prefix else f"{name}:{prefix}/"
     return _Side(name=name, paths=present, root=root, shown=shown, folder="" if prefix == "." else prefix)
@@ -237,14 +237,15 @@ def _within(path: Path, top: Path) -> Path:
     return path.relative_to(top)
 
 
-def _root(path: Path, folder: Path) -> Path:
-    """Return the project's folder within a revision's files."""
+def _root(paths: Sequence[Path], top: Path) -> Path:
+    """Return the folder that the files of a version are named from: their project's below a folder, else their own."""
     from codra_dsl.project import project_of
 
-    project = project_of(path)
-    if project is not None and project.is_relative_to(folder):
-        return project
-    return path if path.is_dir() else path.parent
+    found = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
+    if len(found) > 1:
+        raise typer.BadParameter("these belong to several projects: take one at a time", param_hint="PATH")
+    own = os.path.commonpath([_folder(path.absolute()) for path in paths])
+    return found.pop() or Path(own)
 
 
 # Both versions

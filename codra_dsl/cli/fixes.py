@@ -44,7 +44,7 @@ class Work:
 
     def may_change(self, file: str) -> bool:
         """Return whether fixes may change a file: one that was named, or stands in a folder that was."""
-        from codra_dsl.triage import covers
+        from codra_dsl.project import covers
 
         return covers(self.asked, file)
 

@@ -42,6 +42,7 @@ class GraphFormat(StrEnum):
 _BY_ENDING = {
     ".dot": GraphFormat.DOT,
     ".gv": GraphFormat.DOT,
+    ".txt": GraphFormat.DOT,
     ".json": GraphFormat.JSON,
     ".mmd": GraphFormat.MERMAID,
     ".mermaid": GraphFormat.MERMAID,
@@ -88,6 +89,7 @@ def graph_command(
     from codra_dsl.report.graphs import graph_of
 
     paths = existing(paths)
+    how = format_ or _asked_by(output)
     root = common_root(paths)
     planned = plan_paths(paths, root)
     if planned.diagnostics:
@@ -96,12 +98,18 @@ def graph_command(
     if fails(planned.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _selected(graph_of(planned.plans), select or (), exclude or ())
-    write_result(_drawn(graph, format_ or _asked_by(output)), output)
+    write_result(_drawn(graph, how), output)
 
 
 def _asked_by(output: Path | None) -> GraphFormat:
-    """Return the form that the name of a file asks for."""
-    return GraphFormat.DOT if output is None else _BY_ENDING.get(output.suffix.lower(), GraphFormat.DOT)
+    """Return the form that the name of a file asks for; an ending that says another one is a mistake of usage."""
+    if output is None or not output.suffix:
+        return GraphFormat.DOT
+    asked = _BY_ENDING.get(output.suffix.lower())
+    if asked is None:
+        message = f"no form of a graph ends in '{output.suffix}': say --format, or take one of {', '.join(_BY_ENDING)}"
+        raise typer.BadParameter(message, param_hint="--output")
+    return asked
 
 
 def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> Graph:

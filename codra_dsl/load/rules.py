@@ -16,7 +16,6 @@ RULES = rules(
     ("CDR0006", "too-many-parts", _ERROR),
     ("CDR0007", "no-spec", _ERROR),
     ("CDR0008", "part-without-spec", _ERROR),
-    ("CDR0009", "outside-project", _ERROR),
     ("CDR0010", "unincluded-part", _WARNING),
     # YAML
     ("CDR1001", "yaml-syntax", _ERROR),

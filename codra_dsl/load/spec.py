@@ -19,7 +19,7 @@ from codra_dsl.load.nodes import ScalarNode
 from codra_dsl.load.origin import Origin
 from codra_dsl.load.parts import Parts
 from codra_dsl.load.reader import entries
-from codra_dsl.load.source import AS_ON_DISK, Source, accept, decode, file_place, read
+from codra_dsl.load.source import AS_ON_DISK, Source, accept, decode, read
 from codra_dsl.load.uses import Uses
 from codra_dsl.model import AnyName, Spec
 
@@ -35,14 +35,12 @@ def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -
 
     `root` is the project's folder: findings name files relative to it, and parts must stand in it. `texts` has files,
     named so, that are not read from disk.
+
+    Raises:
+        ValueError: if the file does not stand in the project.
     """
     findings = Findings()
-    file = _relative(path, root)
-    if file is None:
-        message = f"{shown(path.name)} stands outside of the project's folder {shown(root.name)}"
-        findings.add("outside-project", message, file_place(path.name), help="move it, or name another root")
-        return None, findings.all()
-    return _loaded(read(path, file, findings, texts), path, root, findings, texts)
+    return _loaded(read(path, _relative(path, root), findings, texts), path, root, findings, texts)
 
 
 @paused_collector()
@@ -56,15 +54,11 @@ def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
     return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
 
 
-def _relative(path: Path, root: Path) -> str | None:
+def _relative(path: Path, root: Path) -> str:
     try:
         return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
     except ValueError:
-        pass
-    try:
         return path.resolve().relative_to(root.resolve()).as_posix()
-    except (ValueError, OSError, RuntimeError):
-        return None
 
 
 def _loaded(

@@ -5,13 +5,12 @@ Text that comes from specs is shown, never obeyed.
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_dsl.diagnostics import Diagnostic, Place, Rule, Severity, Span
-from codra_dsl.report.findings import PLAIN, Palette, visible
+from codra_dsl.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, shown_place, visible
 from codra_dsl.report.github import render_github
 from codra_dsl.review import Change, Latency, Level, Review
 
@@ -19,7 +18,6 @@ ShownFile = Callable[[str], str]
 """Gives the name under which a file is shown: that of a revision's has the revision in it."""
 
 _ALLOWED = "allowed"
-_MARKUP = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
 _MAX_ROWS = 200
 
 
@@ -53,7 +51,7 @@ def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN)
 
 def render_markdown(review: Review, versions: Versions) -> str:
     """Return a review as Markdown, for a comment on a pull request."""
-    named = f"{_marked(versions.before)} → {_marked(versions.after)}"
+    named = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
     lines = [f"### codra diff: {review.verdict}", "", f"{named}: {_counted(review) or 'no difference'}", ""]
     for level in Level:
         rows = [change for change in review.changes if change.level is level]
@@ -64,7 +62,7 @@ def render_markdown(review: Review, versions: Versions) -> str:
     if review.latencies:
         lines += ["**worst time from declared to known**", "", "| variable | before | after |", "| --- | --- | --- |"]
         lines += [
-            f"| {_marked(each.element)} | {each.before_s:.10g} s | {each.after_s:.10g} s |"
+            f"| {as_markdown(each.element)} | {each.before_s:.10g} s | {each.after_s:.10g} s |"
             for each in review.latencies[:_MAX_ROWS]
         ]
     return "\n".join(lines).rstrip("\n") + "\n"
@@ -92,7 +90,7 @@ def render_json(review: Review, versions: Versions) -> str:
             {"element": each.element, "before_s": each.before_s, "after_s": each.after_s} for each in review.latencies
         ],
     }
-    return json.dumps(told, indent=2) + "\n"
+    return as_json(told, indent=2) + "\n"
 
 
 def _paragraph(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
@@ -131,7 +129,7 @@ def _shown(place: Place | None, file: ShownFile) -> str:
     if place is None:
         return ""
     used = "" if place.use is None else f" (used in {visible(file(place.use.file))}:{place.use.line})"
-    return f"{visible(file(place.span.file))}:{place.span.line}:{place.span.column}{used}"
+    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{used}"
 
 
 def _times(latencies: Sequence[Latency]) -> Iterator[str]:
@@ -156,13 +154,8 @@ def _counted(review: Review) -> str:
 
 def _row(change: Change, versions: Versions) -> str:
     category = f"{change.category} ({_ALLOWED})" if change.allowed else f"{change.category}"
-    place = _marked(_place(change, versions))
-    return f"| {category} | {_marked(change.element)} | {_marked(change.text)} | {place} |"
-
-
-def _marked(text: str) -> str:
-    """Return text as Markdown that shows it and nothing else."""
-    return visible(text).translate(_MARKUP)
+    place = as_markdown(_place(change, versions))
+    return f"| {category} | {as_markdown(change.element)} | {as_markdown(change.text)} | {place} |"
 
 
 def _finding(change: Change) -> Diagnostic:
@@ -190,13 +183,4 @@ def _object(change: Change, versions: Versions) -> dict[str, object]:
 
 
 def _range(place: Place | None, file: ShownFile) -> dict[str, object] | None:
-    if place is None:
-        return None
-    span = place.span
-    return {
-        "file": file(span.file),
-        "line": span.line,
-        "column": span.column,
-        "end_line": span.end_line,
-        "end_column": span.end_column,
-    }
+    return None if place is None else range_of(replace(place.span, file=file(place.span.file)))

@@ -32,9 +32,6 @@ FAMILIES: Mapping[str, str] = {
 }
 """What codes are about, by how they begin; the longest beginning counts."""
 
-PAGES_FROM_DOCS = "../../codra_dsl/report/pages"
-"""Where the pages are, as docs/reference/findings.md links to them."""
-
 _INDENT = "  "
 
 

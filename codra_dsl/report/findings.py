@@ -10,7 +10,7 @@ import json
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, Severity, Span
@@ -24,6 +24,7 @@ _CROPPED = "..."
 _WIDEST = 200
 _MARGIN = 60
 _WIDE = ("W", "F")
+_MARKUP = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
 _HALF_A_PAIR = re.compile("[\ud800-\udfff]")
 _NOT_ASCII = re.compile("[^\x00-\x7f]+")
 
@@ -63,14 +64,19 @@ def render_concise(diagnostics: Iterable[Diagnostic], palette: Palette = PLAIN) 
 
 def render_json(diagnostics: Iterable[Diagnostic]) -> str:
     """Return findings as JSON, one object a line; lines and columns are 1-based, columns count code points."""
-    seen: Counter[str] = Counter()
     lines = []
-    for found in diagnostics:
-        seen[found.fingerprint] += 1
-        number = seen[found.fingerprint]
+    for found, number in numbered(diagnostics):
         fingerprint = found.fingerprint if number == 1 else f"{found.fingerprint}:{number}"
         lines.append(as_json({**_object(found), "fingerprint": fingerprint}) + "\n")
     return "".join(lines)
+
+
+def numbered(diagnostics: Iterable[Diagnostic]) -> Iterator[tuple[Diagnostic, int]]:
+    """Yield each finding with its number, from 1 on, among those of the run that have its fingerprint."""
+    seen: Counter[str] = Counter()
+    for found in diagnostics:
+        seen[found.fingerprint] += 1
+        yield found, seen[found.fingerprint]
 
 
 def as_json(value: object, indent: int | None = None) -> str:
@@ -86,7 +92,7 @@ def as_json(value: object, indent: int | None = None) -> str:
 def way_out(found: Diagnostic) -> str:
     """Return on one line how to be rid of a finding and, of one in a template's text, which use gives it."""
     uses = list(dict.fromkeys(each.place.use for each in (found, *found.each_use) if each.place.use is not None))
-    used = [f"used at {_shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
+    used = [f"used at {shown_place(uses[0])}{f' and {len(uses) - 1} more' if uses[1:] else ''}"] if uses else []
     return "; ".join([*([found.help] if found.help else []), *used])
 
 
@@ -113,17 +119,18 @@ def _full(found: Diagnostic, lines: _Lines, palette: Palette) -> list[str]:
         shown += [bar, f"{number} {text}".rstrip(), f"{bar} {' ' * before}{caret} {help_}".rstrip()]
     elif help_:
         shown.append(f"{'':{width}} {help_}")
-    notes = ((_shown_place(each.place.span), visible(each.message)) for each in related_places(found))
+    notes = ((shown_place(each.place.span), visible(each.message)) for each in related_places(found))
     return shown + [f"{'':{width}} {palette.gutter}={palette.end} {place}: {message}" for place, message in notes]
 
 
 def _headline(found: Diagnostic, palette: Palette) -> str:
-    place = f"{palette.place}{_shown_place(found.place.span)}{palette.end}"
+    place = f"{palette.place}{shown_place(found.place.span)}{palette.end}"
     kind = f"{palette.of(found.severity)}{found.severity}[{found.code}]{palette.end}"
     return f"{place}: {kind}: {visible(found.message)}"
 
 
-def _shown_place(span: Span) -> str:
+def shown_place(span: Span) -> str:
+    """Return file, line and column as findings show them."""
     return f"{visible(span.file)}:{span.line}:{span.column}"
 
 
@@ -132,13 +139,13 @@ def _in_brackets(text: str) -> str:
 
 
 def _object(found: Diagnostic) -> dict[str, object]:
-    related = [{"message": each.message, **_range(each.place.span)} for each in related_places(found)]
+    related = [{"message": each.message, **range_of(each.place.span)} for each in related_places(found)]
     return {
         "code": found.code,
         "name": found.rule.name,
         "severity": found.severity.value,
         "message": found.message,
-        **_range(found.place.span),
+        **range_of(found.place.span),
         "path": found.path,
         "help": found.help,
         "related": related,
@@ -149,11 +156,12 @@ def _object(found: Diagnostic) -> dict[str, object]:
 def _fix(fix: Fix | None) -> dict[str, object] | None:
     if fix is None:
         return None
-    edits = [{**_range(edit.span), "text": edit.text} for edit in fix.edits]
+    edits = [{**range_of(edit.span), "text": edit.text} for edit in fix.edits]
     return {"message": fix.message, "applicability": fix.applicability.value, "edits": edits}
 
 
-def _range(span: Span) -> dict[str, object]:
+def range_of(span: Span) -> dict[str, object]:
+    """Return a span as JSON has it."""
     return {
         "file": span.file,
         "line": span.line,
@@ -195,6 +203,11 @@ def _marked(line: str, span: Span) -> tuple[str, int, int]:
 def visible(text: str) -> str:
     """Return text as it can be shown on one line: tabs as blanks, and no control, format or surrogate character."""
     return "".join(_TAB if letter == "\t" else letter if letter.isprintable() else _REPLACEMENT for letter in text)
+
+
+def as_markdown(text: str) -> str:
+    """Return text as Markdown that shows it and nothing else."""
+    return visible(text).translate(_MARKUP)
 
 
 def visible_lines(text: str) -> str:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from codra_dsl.diagnostics import Diagnostic, Severity, Span
-from codra_dsl.report.findings import related_places, render_concise, visible, way_out
+from codra_dsl.report.findings import as_markdown, related_places, render_concise, shown_place, visible, way_out
 
 MAX_ANNOTATIONS = 10
 """How many annotations of one severity GitHub shows for a step."""
@@ -22,7 +22,6 @@ _BEGINS_A_COMMAND = re.compile(r"^(?=[^\S\n]*::)", re.MULTILINE)
 _STANDARD_INPUT = "-"
 _DATA = {"%": "%25", "\r": "%0D", "\n": "%0A"}
 _PROPERTY = _DATA | {":": "%3A", ",": "%2C"}
-_MARKUP = str.maketrans({letter: f"\\{letter}" for letter in "\\`*_{}[]()<>#!|~&$:@^="})
 
 
 def render_github(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
@@ -52,7 +51,7 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
     """Return findings as Markdown; empty if there are none."""
     if not diagnostics:
         return ""
-    lines = [f"\n### {_marked(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
+    lines = [f"\n### {as_markdown(title)}\n\n", "| place | finding | message |\n", "| --- | --- | --- |\n"]
     size, told = 0, 0
     for found in diagnostics:
         row = _row(found)
@@ -68,10 +67,7 @@ def render_summary(diagnostics: Sequence[Diagnostic], title: str) -> str:
 
 def _annotation(found: Diagnostic, folder: str) -> str:
     lines = [found.message, *([f"help: {found.help}"] if found.help else [])]
-    lines += [
-        f"{each.place.span.file}:{each.place.span.line}:{each.place.span.column}: {each.message}"
-        for each in related_places(found)
-    ]
+    lines += [f"{shown_place(each.place.span)}: {each.message}" for each in related_places(found)]
     properties = _place(found.place.span, folder) | {"title": f"{found.code} {found.rule.name}"}
     return _command(found.severity.value, properties, "\n".join(map(visible, lines)))
 
@@ -108,12 +104,7 @@ def _escaped(text: str, escapes: Mapping[str, str]) -> str:
 
 def _row(found: Diagnostic) -> str:
     span = found.place.span
-    place = f"{_marked(span.file)}:{span.line}:{span.column}"
+    place = f"{as_markdown(span.file)}:{span.line}:{span.column}"
     more = way_out(found)
-    help_ = f" *({_marked(more)})*" if more else ""
-    return f"| {place} | {found.severity.value} {found.code} | {_marked(found.message)}{help_} |\n"
-
-
-def _marked(text: str) -> str:
-    """Return text as Markdown that shows it and nothing else."""
-    return visible(text).translate(_MARKUP)
+    help_ = f" *({as_markdown(more)})*" if more else ""
+    return f"| {place} | {found.severity.value} {found.code} | {as_markdown(found.message)}{help_} |\n"

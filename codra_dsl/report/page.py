@@ -25,9 +25,11 @@ _SLOT = re.compile(r"\{\{([A-Z]+)\}\}")
 def render_html(graph: Graph) -> str:
     """Return the graph as a page to explore: search, pan and zoom, what a node needs and what needs it."""
     folder = files("codra_dsl.report") / "viewer"
-    page, style, script = ((folder / name).read_text("utf-8") for name in ("page.html", "style.css", "script.js"))
+    parts = ("page.html", "style.css", "graph.js", "script.js")
+    page, style, *scripts = ((folder / name).read_text("utf-8") for name in parts)
+    script = "".join(scripts)
     digest = base64.b64encode(hashlib.sha256(f"\n{script}".encode()).digest()).decode()
-    parts = {
+    filled = {
         "TITLE": escape(f"{', '.join(graph.specs)}: dependency graph"),
         "STYLE": style,
         "DIGEST": f"sha256-{digest}",
@@ -35,7 +37,7 @@ def render_html(graph: Graph) -> str:
         "DATA": _inert(_data(graph)),
         "SCRIPT": script,
     }
-    return _SLOT.sub(lambda slot: parts[slot[1]], page)
+    return _SLOT.sub(lambda slot: filled[slot[1]], page)
 
 
 def _drawing(graph: Graph) -> str:

@@ -6,7 +6,6 @@ What GitHub's code scanning takes of it, and no more than it takes, decides wher
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from urllib.parse import quote
@@ -14,7 +13,7 @@ from urllib.parse import quote
 from codra_dsl import __version__
 from codra_dsl.diagnostics import Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
 from codra_dsl.report.explain import Page, as_text, family_of, page_of
-from codra_dsl.report.findings import as_json, related_places, visible
+from codra_dsl.report.findings import as_json, numbered, related_places, visible
 
 _SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
 _ROOT = "%SRCROOT%"
@@ -49,11 +48,7 @@ def render_sarif(diagnostics: Iterable[Diagnostic], folder: str = "") -> str:
     rules = {found.code: found.rule for found in sorted(kept, key=lambda found: found.code)}
     numbers = {code: number for number, code in enumerate(rules)}
     places = _Places(folder)
-    occurrences = Counter[str]()
-    results: list[_Object] = []
-    for found in kept:
-        occurrences[found.fingerprint] += 1
-        results.append(_result(found, numbers[found.code], occurrences[found.fingerprint], places))
+    results = [_result(found, numbers[found.code], occurrence, places) for found, occurrence in numbered(kept)]
     driver = {"name": "codra", "version": __version__, "rules": [_rule(rule) for rule in rules.values()]}
     run = {
         "tool": {"driver": driver},

@@ -6,12 +6,33 @@ It is checked in, so that an editor needs nothing that is installed. `codra comp
 
 from __future__ import annotations
 
-from codra_dsl.project import SCHEMA_COPY, SCHEMA_FILE
+import tempfile
+from pathlib import Path
 
-SCHEMA_PATH = SCHEMA_COPY
-"""Where the copy is, from the project's root."""
+from codra_dsl.diagnostics import Diagnostic
+from codra_dsl.output import about_output
+from codra_dsl.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schema
 
 
-def published_schema() -> str:
-    """Return the schema of a spec as this version publishes it."""
-    return SCHEMA_FILE.read_text(encoding="utf-8")
+def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Return a finding when a project's copy of the schema is not the one of this version; nothing is written."""
+    if not has_stale_schema(root):
+        return ()
+    message = f"'{SCHEMA_COPY}' is not the schema of this version of codra"
+    return (about_output("stale-output", SCHEMA_COPY, message, way_out="renew it with 'codra compile'"),)
+
+
+def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Replace a project's copy of the schema at once where it is stale; return a finding when that is not possible."""
+    copy = root / SCHEMA_COPY
+    if not has_stale_schema(root):
+        return ()
+    try:
+        with tempfile.TemporaryDirectory(prefix=".codra-", dir=copy.parent) as staging:
+            staged = Path(staging) / copy.name
+            staged.write_bytes(SCHEMA_FILE.read_bytes())
+            staged.replace(copy)
+    except OSError as error:
+        message = f"cannot write '{SCHEMA_COPY}': {error.strerror}"
+        return (about_output("cannot-write", SCHEMA_COPY, message, way_out="check the permissions, or remove it"),)
+    return ()

@@ -6,8 +6,7 @@ Errors of phases 0 to 6 are binding: neither settings nor comments take them awa
 from codra_dsl.triage.fixing import Fixed, fix_all
 from codra_dsl.triage.rules import RULES, known_rules, nearest_code
 from codra_dsl.triage.settings import Settings, settings_of
-from codra_dsl.triage.suppressions import Sources, covers, read_sources
-from codra_dsl.triage.triaged import triaged
+from codra_dsl.triage.suppressions import Sources, read_sources, triaged
 from codra_dsl.triage.writing import rewritable, rewrite, unified
 
 __all__ = [
@@ -15,7 +14,6 @@ __all__ = [
     "Fixed",
     "Settings",
     "Sources",
-    "covers",
     "fix_all",
     "known_rules",
     "nearest_code",

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from codra_dsl.diagnostics import (
@@ -18,13 +18,17 @@ from codra_dsl.diagnostics import (
     Edit,
     Fix,
     Place,
+    Severity,
     Span,
+    in_file_order,
     once_per_template,
 )
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.source import MAX_BYTES, Source, accept
+from codra_dsl.project import covers
 from codra_dsl.triage.comments import comments
 from codra_dsl.triage.rules import OWN_PREFIX, RULES, known_rules, nearest_code
+from codra_dsl.triage.settings import Settings
 
 _MAY_SUPPRESS = re.compile(rb"#[ \t]*codra[ \t]*:", re.IGNORECASE)
 _MARKED = re.compile(
@@ -49,15 +53,6 @@ class Sources:
 
     texts: Mapping[str, str]
     paths: tuple[str, ...]
-
-    def covers(self, file: str) -> bool:
-        """Return whether the run was asked about a file."""
-        return covers(self.paths, file)
-
-
-def covers(paths: Iterable[str], file: str) -> bool:
-    """Return whether a file is one of some paths or stands in one of them."""
-    return any(path in (".", file) or file.startswith(f"{path}/") for path in paths)
 
 
 def read_sources(
@@ -108,7 +103,6 @@ class Suppression:
         used: which of its codes have silenced something.
     """
 
-    file: str
     span: Span
     codes: tuple[Code, ...]
     has_reason: bool
@@ -117,7 +111,7 @@ class Suppression:
     used: set[str] = field(default_factory=set)
 
 
-class Suppressions:
+class _Suppressions:
     """The suppression comments of a run, and what they have silenced so far."""
 
     def __init__(self, sources: Sources) -> None:
@@ -129,7 +123,7 @@ class Suppressions:
             for code in each.codes if each.line is not None else ():
                 rule = known_rules().get(code.text)
                 if rule is not None and not rule.is_binding and not code.text.startswith(OWN_PREFIX):
-                    self._at.setdefault((each.file, each.line or 0, code.text), []).append(each)
+                    self._at.setdefault((each.span.file, each.line or 0, code.text), []).append(each)
 
     def left(self, found: Diagnostic) -> tuple[Diagnostic, ...]:
         """Return what is left of a finding: itself, nothing, or what it is in other uses of a template."""
@@ -175,12 +169,30 @@ class Suppressions:
             yield _finding(
                 "binding-code-suppressed", message, code.span, "remove it; correct the spec", _without(each, index)
             )
-        elif complete and code.text not in each.used and self._sources.covers(each.file):
+        elif complete and code.text not in each.used and covers(self._sources.paths, each.span.file):
             message = f"'{code.text}' silences nothing: there is no such finding here"
-            line = self._loud.get((each.file, code.text))
+            line = self._loud.get((each.span.file, code.text))
             way_out = "remove it" if line is None else f"move it to line {line}, where there is one, or remove it"
             fix = _without(each, index) if line is None else None  # to remove what is misplaced would lose the reason
             yield _finding("unused-suppression", message, code.span, way_out, fix)
+
+
+def triaged(diagnostics: Iterable[Diagnostic], settings: Settings, sources: Sources) -> tuple[Diagnostic, ...]:
+    """Return findings in file order, with those about suppression comments.
+
+    Comments come first: whether one is of use depends on no setting. While any error is left, later checks may not
+    have been made, and no comment is called unused.
+    """
+    comments = _Suppressions(sources)
+    left = [each for found in diagnostics for each in comments.left(found)]
+    complete = not any(each.rule.severity is Severity.ERROR for each in left)
+    all_found = (*left, *comments.findings(complete=complete))
+    return in_file_order(_leveled(found, settings) for found in all_found if settings.wants(found.rule))
+
+
+def _leveled(found: Diagnostic, settings: Settings) -> Diagnostic:
+    level = settings.level(found.rule)
+    return found if level is found.rule.severity else replace(found, level=level)
 
 
 def _finding(rule: str, message: str, span: Span, way_out: str, fix: Fix | None = None) -> Diagnostic:
@@ -233,7 +245,6 @@ def _suppression(source: Source, marked: re.Match[str], end: int, *, is_right: b
     stands_alone = not source.text[line_start:start].strip()
     before = len(source.text[:start].rstrip(" \t"))
     return Suppression(
-        file=source.file,
         span=span,
         codes=codes,
         has_reason=_WORD.search(marked["reason"] or "") is not None,

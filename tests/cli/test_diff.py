@@ -187,6 +187,18 @@ def test_two_folders_need_no_git(tmp_path: Path) -> None:
     assert done.returncode == 0
 
 
+def test_several_folders_without_a_project_are_compared_together(tmp_path: Path) -> None:
+    for version, text in (("v1", DOOR), ("v2", WEAKER)):
+        for folder, name in (("front", "door"), ("back", "back_door")):
+            (tmp_path / version / folder).mkdir(parents=True)
+            (tmp_path / version / folder / "door.yaml").write_text(text.replace("name: door", f"name: {name}"))
+
+    done = codra("v1", "v2", "front", "back", "--format", "json", cwd=tmp_path)
+
+    assert changes(done) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
+    assert {each["after"]["file"] for each in told(done)["changes"]} == {"v2/front/door.yaml", "v2/back/door.yaml"}
+
+
 def test_a_path_is_meant_where_a_revision_has_the_same_name(project: Path) -> None:
     (project / "main").mkdir()
     (project / "main/door.yaml").write_text(SLOWER)

@@ -108,6 +108,14 @@ def test_the_ending_of_the_file_says_the_form(project: Path, name: str, begins: 
     assert (project / name).read_text("utf-8").startswith(begins)
 
 
+def test_a_file_whose_ending_says_another_form_is_not_written(project: Path) -> None:
+    done = codra("graph", "specs", "--output", "graph.png", cwd=project)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "no form of a graph ends in '.png'" in done.stderr
+    assert not (project / "graph.png").exists()
+
+
 def test_a_form_that_is_asked_for_goes_before_the_ending(project: Path) -> None:
     codra("graph", "specs", "--output", "graph.svg", "--format", "json", cwd=project)
 

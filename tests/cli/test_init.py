@@ -13,8 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
-from codra_dsl.load.schema import SCHEMA_FILE
-from codra_dsl.starter import SCHEMA_PATH
+from codra_dsl.project import SCHEMA_COPY, SCHEMA_FILE
 
 WRITTEN = {
     ".codra/schema.json",
@@ -222,31 +221,31 @@ def test_editors_find_the_keys_of_timelines_beside_those_of_specs(project: Path)
 def test_a_stale_copy_of_the_schema_is_found_and_renewed(tmp_path: Path) -> None:
     succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
-    (tmp_path / SCHEMA_PATH).write_text("{}")
+    (tmp_path / SCHEMA_COPY).write_text("{}")
 
     found = codra("compile", "specs", "--check", "--format", "concise", cwd=tmp_path)
     assert found.returncode == 1
     assert ".codra/schema.json:1:1: error[CDR6003]" in found.stdout
     assert "renew it with 'codra compile'" in found.stdout
-    assert (tmp_path / SCHEMA_PATH).read_text() == "{}"
+    assert (tmp_path / SCHEMA_COPY).read_text() == "{}"
 
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
-    assert (tmp_path / SCHEMA_PATH).read_bytes() == SCHEMA_FILE.read_bytes()
+    assert (tmp_path / SCHEMA_COPY).read_bytes() == SCHEMA_FILE.read_bytes()
     assert succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path) == ""
     assert sorted(path.name for path in (tmp_path / ".codra").iterdir()) == ["schema.json", "timeline.json"]
 
 
 def test_a_project_without_a_copy_gets_none(tmp_path: Path) -> None:
     succeeds("codra_dsl", "init", "--name", "arm", cwd=tmp_path)
-    (tmp_path / SCHEMA_PATH).unlink()
+    (tmp_path / SCHEMA_COPY).unlink()
 
     succeeds("codra_dsl", "compile", "specs", cwd=tmp_path)
     succeeds("codra_dsl", "compile", "specs", "--check", cwd=tmp_path)
 
-    assert not (tmp_path / SCHEMA_PATH).exists()
+    assert not (tmp_path / SCHEMA_COPY).exists()
 
 
-@pytest.mark.parametrize("link", [".codra", SCHEMA_PATH])
+@pytest.mark.parametrize("link", [".codra", SCHEMA_COPY])
 def test_a_copy_behind_a_link_is_left_alone(link: str, tmp_path: Path) -> None:
     project, elsewhere = tmp_path / "arm", tmp_path / "elsewhere"
     succeeds("codra_dsl", "init", "arm", cwd=tmp_path)

@@ -141,14 +141,19 @@ def test_names_of_a_lost_part_are_not_missed(tmp_path: Path) -> None:
     assert rules(tmp_path / "kitchen.yaml", tmp_path) == ["yaml-syntax"]
 
 
-def test_a_file_that_is_not_there_outside_or_a_folder_is_reported(tmp_path: Path) -> None:
-    write(tmp_path, outside=SPEC)
+def test_a_file_that_is_not_there_or_a_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "project").mkdir()
 
     assert rules(tmp_path / "project" / "none.yaml", tmp_path) == ["cannot-read"]
     assert rules(tmp_path / "project", tmp_path) == ["cannot-read"]
-    assert rules(tmp_path / "outside.yaml", tmp_path / "project") == ["outside-project"]
     assert rules(tmp_path / "nul\0.yaml", tmp_path) == ["cannot-read"]
+
+
+def test_a_file_outside_of_the_root_that_is_named_is_a_mistake_of_the_program(tmp_path: Path) -> None:
+    write(tmp_path, outside=SPEC)
+
+    with pytest.raises(ValueError, match="subpath"):
+        load_spec(tmp_path / "outside.yaml", tmp_path / "project")
 
 
 def test_parts_of_standard_input_are_looked_for_in_the_projects_folder(tmp_path: Path) -> None:

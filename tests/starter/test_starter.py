@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from codra_dsl import __version__
 from codra_dsl.load.names import is_identifier
 from codra_dsl.starter import ImproperNameError, conflicts, name_from_folder, require_name, starter_texts, write_new
-from codra_dsl.starter.requirement import requirement_from
+from codra_dsl.starter.files import requirement_from
 
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
