@@ -10,7 +10,6 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
@@ -22,6 +21,7 @@ from codra_dsl.load.fixes import trap_fix, truth_meant, without_item, word_meant
 from codra_dsl.load.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
 from codra_dsl.load.origin import Subject, damaged_key
 from codra_dsl.load.traps import Openings, Trap, read_as_list, read_as_literal, torn_at_colon, torn_at_comma
+from codra_dsl.project import SCHEMA_FILE
 from codra_dsl.units import duration_help
 
 if TYPE_CHECKING:
@@ -30,15 +30,14 @@ if TYPE_CHECKING:
 WHOLE_FILE = ""
 """The definition of a whole file."""
 
-SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
-
 _FORMS = {
+    "identification": ("cases", "condition"),
     "parameter_declaration": ("parameter_object", "parameter_type"),
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
     "belief": ("belief_object", "literal"),
 }
-"""What a value means that may be a mapping or not: the definition of the mapping, and that of anything else."""
+"""Values that may be a mapping or not: the definition of the mapping, and that of anything else."""
 
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
@@ -173,13 +172,10 @@ def _errors(definition: str, data: object, path: tuple[str | int, ...]) -> Itera
 
 def _branch(anchor: str | None, data: object) -> str | None:
     """Return the definition that a value means which may have several forms."""
-    if anchor == "identification":
-        if not isinstance(data, dict):
-            return "condition"
-        return "hysteresis" if {"enter", "leave", "confirm"} & data.keys() else "cases"
-    if anchor in _FORMS:
-        return _FORMS[anchor][0 if isinstance(data, dict) else 1]
-    return None
+    if anchor == "identification" and isinstance(data, dict) and {"enter", "leave", "confirm"} & data.keys():
+        return "hysteresis"
+    forms = _FORMS.get(anchor or "")
+    return None if forms is None else forms[0 if isinstance(data, dict) else 1]
 
 
 class _Explanation:

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codra_dsl.runtime import CallError, Kind, Record, SimClock
+from codra_dsl.runtime import CallError, Kind, Record, SimClock, WallClock
 from codra_dsl.testing.run import StoryFailed
 from tests.kitchen_world import Kitchen
 from tests.testing.told import told
@@ -231,6 +233,13 @@ def test_a_timeline_has_no_main_execution_beside_a_program() -> None:
 
     with pytest.raises(ValueError, match=r"told.timeline.yaml:3: a program is the main execution here"):
         run.__enter__()
+
+
+def test_a_story_runs_in_simulated_time_only() -> None:
+    clock: Any = WallClock()
+
+    with clock, pytest.raises(TypeError, match="give it a SimClock"):
+        told("stories: {told: {9 s: {}}}").start(clock=clock, resources={})
 
 
 def test_what_a_program_raises_is_not_hidden_by_what_is_not_so() -> None:
