@@ -78,15 +78,16 @@ class Script:
         own = imported(algorithm) if is_called else None
 
         def perceive(*, job: Job, **arguments: Any) -> object:
-            usual = self._usual(algorithm.name, part, job) if own is None else lambda: own(**arguments, job=job)
-            return _with_fault(part.take_fault(), usual, job)
+            heard = _Heard(job)
+            usual = self._usual(algorithm.name, part, heard) if own is None else lambda: own(**arguments, job=heard)
+            return _with_fault(part.take_fault(), usual, heard)
 
         return perceive
 
     def _part(self, name: str) -> _Part:
         return self._parts.setdefault(name, _Part())
 
-    def _usual(self, name: str, part: _Part, job: Job) -> Callable[[], object]:
+    def _usual(self, name: str, part: _Part, job: _Heard) -> Callable[[], object]:
         def say() -> object:
             if not part.values:
                 self.unsaid.setdefault(name, job.now_s())
@@ -96,7 +97,31 @@ class Script:
         return say
 
 
-def _scripted(part: _Part, job: Job) -> Mapping[str, Literal | None]:
+class _Heard:
+    """The `job` of a function, which remembers whether it was told of evidence."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._start_s = job.now_s()
+        self._is_told = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._job, name)
+
+    def evidence(self, start_s: float, stamp_s: float) -> None:
+        """Say when the evidence was taken."""
+        self._job.evidence(start_s, stamp_s)
+        self._is_told = True
+
+    def delay(self, late_s: float) -> None:
+        """Let the result come later, though its evidence was taken as if it did not."""
+        if late_s > 0:
+            if not self._is_told:
+                self.evidence(self._start_s, self._job.now_s())
+            self._job.sleep(late_s)
+
+
+def _scripted(part: _Part, job: _Heard) -> Mapping[str, Literal | None]:
     """Do a job as it is told: its evidence is told as soon as it is taken."""
     start_s, values, takes_s = job.now_s(), dict(part.values), part.takes_s
     if part.evidence_s is not None:
@@ -108,15 +133,15 @@ def _scripted(part: _Part, job: Job) -> Mapping[str, Literal | None]:
     return values
 
 
-def _with_fault(fault: Fault, usual: Callable[[], object], job: Job) -> object:
+def _with_fault(fault: Fault, usual: Callable[[], object], job: _Heard) -> object:
     if fault.hangs:
         job.sleep(math.inf)
         return None
     if fault.raises is not None:
-        job.sleep(fault.late_s)
+        job.delay(fault.late_s)
         raise RuntimeError(fault.raises)
     found = _garbled(fault.garbage[0], usual) if fault.garbage else usual()
-    job.sleep(fault.late_s)
+    job.delay(fault.late_s)
     return found
 
 
