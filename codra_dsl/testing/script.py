@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from codra_dsl.model import Literal
@@ -77,12 +78,16 @@ class Script:
         is_called = algorithm.name not in self._scripted and all(name in self._handles for name in algorithm.handles)
         own = imported(algorithm) if is_called else None
 
-        def perceive(*, job: Job, **arguments: Any) -> object:
-            heard = _Heard(job)
-            usual = self._usual(algorithm.name, part, heard) if own is None else lambda: own(**arguments, job=heard)
-            return _with_fault(part.take_fault(), usual, heard)
+        def around(function: Function | None) -> Function:
+            def perceive(*, job: Job, **arguments: Any) -> object:
+                heard = _Heard(job)
+                said = self._usual(algorithm.name, part, heard)
+                usual = said if function is None else lambda: function(**arguments, job=heard)
+                return _with_fault(part.take_fault(), usual, heard)
 
-        return perceive
+            return perceive
+
+        return _class_around(own, around) if isinstance(own, type) else around(own)
 
     def _part(self, name: str) -> _Part:
         return self._parts.setdefault(name, _Part())
@@ -95,6 +100,15 @@ class Script:
             return _scripted(part, job)
 
         return say
+
+
+def _class_around(own: type[Any], around: Callable[[Function], Function]) -> type[Any]:
+    """Return a class whose objects perceive as those of another, with faults; its `setup` and `close` are the same."""
+
+    def perceive(self: Any, **arguments: Any) -> object:
+        return around(partial(own.perceive, self))(**arguments)
+
+    return type(own.__name__, (own,), {"perceive": perceive})
 
 
 class _Heard:
