@@ -9,10 +9,11 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jsonschema_rs
+
+from codra_dsl.project import SCHEMA_FILE
 
 if TYPE_CHECKING:
     from jsonschema.exceptions import ValidationError
@@ -20,15 +21,15 @@ if TYPE_CHECKING:
 WHOLE_FILE = ""
 """The definition of a whole file."""
 
-SCHEMA_FILE = Path(__file__).parents[1] / "schema.json"
 
 _FORMS = {
+    "identification": ("cases", "condition"),
     "parameter_declaration": ("parameter_object", "parameter_type"),
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
     "belief": ("belief_object", "literal"),
 }
-"""What a value means that may be a mapping or not: the definition of the mapping, and that of anything else."""
+"""Values that may be a mapping or not: the definition of the mapping, and that of anything else."""
 
 _ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
 
@@ -112,13 +113,10 @@ def errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Ite
 
 def _branch(anchor: str | None, data: object) -> str | None:
     """Return the definition that a value means which may have several forms."""
-    if anchor == "identification":
-        if not isinstance(data, dict):
-            return "condition"
-        return "hysteresis" if {"enter", "leave", "confirm"} & data.keys() else "cases"
-    if anchor in _FORMS:
-        return _FORMS[anchor][0 if isinstance(data, dict) else 1]
-    return None
+    if anchor == "identification" and isinstance(data, dict) and {"enter", "leave", "confirm"} & data.keys():
+        return "hysteresis"
+    forms = _FORMS.get(anchor or "")
+    return None if forms is None else forms[0 if isinstance(data, dict) else 1]
 
 
 def allowed_words(schema_here: dict[str, Any]) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 from codra_dsl.diagnostics import Diagnostic, suggest
 from codra_dsl.project import root_of
 from codra_dsl.report.findings import render_full
-from codra_dsl.runtime import SimClock
+from codra_dsl.runtime import CallError, SimClock
 from codra_dsl.testing.package import Package
 from codra_dsl.testing.reading import read_timeline
 from codra_dsl.testing.run import Run, StoryFailed
@@ -48,8 +48,8 @@ class StoryItem(pytest.Item):
         Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return what a failed story says; anything else with its traceback."""
-        if isinstance(excinfo.value, StoryFailed):
+        """Return what a failed story says, or what is missing to run it; anything else with its traceback."""
+        if isinstance(excinfo.value, StoryFailed | CallError):
             return str(excinfo.value)
         return super().repr_failure(excinfo, style)
 

@@ -94,7 +94,9 @@ class MomentReader:
                 yield Saying(agent=key.text, values=None)
 
     def _behaviours(self, node: YamlNode, steps: tuple[str, ...]) -> Iterator[Change]:
-        for key, value in self._known(node, self._package.algorithms, f"{self._no} perception algorithm", steps):
+        for key, value in self._known(
+            node, self._package.algorithms, f"no observer of spec {shown(self._package.model.name)} runs", steps
+        ):
             way = (*steps, key.text)
             if not isinstance(value, MappingNode):
                 if not value.reported:

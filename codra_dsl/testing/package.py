@@ -6,13 +6,17 @@ import importlib
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from codra_dsl.compiler import plan_paths
 from codra_dsl.diagnostics import suggest
+from codra_dsl.emit.records import model_digest
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
 from codra_dsl.runtime.model import Algorithm, VariableModel
+from codra_dsl.runtime.outline import manifest_of
 
 FOLDER = "generated"
 _OWN_SOURCES = ("main_execution", "observer")
@@ -62,8 +66,11 @@ class Package:
         return tuple(resource.name for resource in self.model.resources if resource.slots is None)
 
 
+@cache
 def load_package(root: Path, name: str) -> Package:
     """Import a compiled spec as programs in the project's root do: `from generated import NAME`.
+
+    It is done once in a process, and the spec is compiled for it once more: what is tested is what the spec says.
 
     Args:
         root: of the project; from here on Python looks for modules there, too.
@@ -73,6 +80,7 @@ def load_package(root: Path, name: str) -> Package:
         PackageError: if that is not possible.
     """
     _require(root, name)
+    _require_fresh(root, name)
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
     try:
@@ -91,6 +99,20 @@ def _require(root: Path, name: str) -> None:
         near = suggest(name, present)
         way_out = f"did you mean '{near}'?" if near else "compile the spec first: codra compile"
         raise PackageError(f"there is no compiled spec '{FOLDER}/{name}'", way_out)
+
+
+def _require_fresh(root: Path, name: str) -> None:
+    """Require that the spec, if it is there, says what was compiled."""
+    manifest = manifest_of(root / FOLDER / name)
+    file = root / str(manifest.get("spec", ""))
+    if not file.is_file():
+        return
+    plans = plan_paths([file], root).plans
+    if not plans:
+        raise PackageError(f"'{manifest['spec']}' has errors", f"see: codra lint {manifest['spec']}")
+    if model_digest(plans[0]) != manifest.get("model"):
+        message = f"'{FOLDER}/{name}' is not what '{manifest['spec']}' says any more"
+        raise PackageError(message, f"compile it: codra compile {manifest['spec']}")
 
 
 def _package(module: ModuleType) -> Package:

@@ -88,9 +88,12 @@ class Run:
             record: takes what happens; by default one of its own, without limit.
 
         Raises:
+            TypeError: if the clock is none of simulated time.
             ValueError: if the timeline tells what the main execution does after the beginning, which is the program's.
             CallError: as the generated `start` does.
         """
+        if not isinstance(clock, SimClock):
+            raise TypeError("a story runs in simulated time: give it a SimClock")
         later = next((each for each in self._story.moments if each.at_s > 0 and each.steps), None)
         if later is not None:
             span = later.steps[0].place.span

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from codra_dsl.model import Literal
@@ -77,16 +78,21 @@ class Script:
         is_called = algorithm.name not in self._scripted and all(name in self._handles for name in algorithm.handles)
         own = imported(algorithm) if is_called else None
 
-        def perceive(*, job: Job, **arguments: Any) -> object:
-            usual = self._usual(algorithm.name, part, job) if own is None else lambda: own(**arguments, job=job)
-            return _with_fault(part.take_fault(), usual, job)
+        def around(function: Function | None) -> Function:
+            def perceive(*, job: Job, **arguments: Any) -> object:
+                heard = _Heard(job)
+                said = self._usual(algorithm.name, part, heard)
+                usual = said if function is None else lambda: function(**arguments, job=heard)
+                return _with_fault(part.take_fault(), usual, heard)
 
-        return perceive
+            return perceive
+
+        return _class_around(own, around) if isinstance(own, type) else around(own)
 
     def _part(self, name: str) -> _Part:
         return self._parts.setdefault(name, _Part())
 
-    def _usual(self, name: str, part: _Part, job: Job) -> Callable[[], object]:
+    def _usual(self, name: str, part: _Part, job: _Heard) -> Callable[[], object]:
         def say() -> object:
             if not part.values:
                 self.unsaid.setdefault(name, job.now_s())
@@ -96,7 +102,40 @@ class Script:
         return say
 
 
-def _scripted(part: _Part, job: Job) -> Mapping[str, Literal | None]:
+def _class_around(own: type[Any], around: Callable[[Function], Function]) -> type[Any]:
+    """Return a class whose objects perceive as those of another, with faults; its `setup` and `close` are the same."""
+
+    def perceive(self: Any, **arguments: Any) -> object:
+        return around(partial(own.perceive, self))(**arguments)
+
+    return type(own.__name__, (own,), {"perceive": perceive})
+
+
+class _Heard:
+    """The `job` of a function, which remembers whether it was told of evidence."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._start_s = job.now_s()
+        self._is_told = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._job, name)
+
+    def evidence(self, start_s: float, stamp_s: float) -> None:
+        """Say when the evidence was taken."""
+        self._job.evidence(start_s, stamp_s)
+        self._is_told = True
+
+    def delay(self, late_s: float) -> None:
+        """Let the result come later, though its evidence was taken as if it did not."""
+        if late_s > 0:
+            if not self._is_told:
+                self.evidence(self._start_s, self._job.now_s())
+            self._job.sleep(late_s)
+
+
+def _scripted(part: _Part, job: _Heard) -> Mapping[str, Literal | None]:
     """Do a job as it is told: its evidence is told as soon as it is taken."""
     start_s, values, takes_s = job.now_s(), dict(part.values), part.takes_s
     if part.evidence_s is not None:
@@ -108,15 +147,15 @@ def _scripted(part: _Part, job: Job) -> Mapping[str, Literal | None]:
     return values
 
 
-def _with_fault(fault: Fault, usual: Callable[[], object], job: Job) -> object:
+def _with_fault(fault: Fault, usual: Callable[[], object], job: _Heard) -> object:
     if fault.hangs:
         job.sleep(math.inf)
         return None
     if fault.raises is not None:
-        job.sleep(fault.late_s)
+        job.delay(fault.late_s)
         raise RuntimeError(fault.raises)
     found = _garbled(fault.garbage[0], usual) if fault.garbage else usual()
-    job.sleep(fault.late_s)
+    job.delay(fault.late_s)
     return found
 
 

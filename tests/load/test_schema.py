@@ -11,10 +11,11 @@ import pytest
 
 from codra_dsl.load.compose import compose
 from codra_dsl.load.findings import Findings
-from codra_dsl.load.schema import SCHEMA_FILE, schema
+from codra_dsl.load.schema import schema
 from codra_dsl.load.source import accept
 from codra_dsl.load.templates import ParameterKind
 from codra_dsl.model import Access, Isolation, Kind, Refresh, WhenUnobservable
+from codra_dsl.project import SCHEMA_FILE
 
 ROOT = Path(__file__).parents[2]
 DEFINITIONS: dict[str, dict[str, Any]] = schema()["$defs"]

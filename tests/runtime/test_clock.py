@@ -273,3 +273,19 @@ def test_a_process_ends_though_work_hangs() -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == "end\n"
         assert process.wait(timeout=2) == 0
+
+
+def test_an_event_that_comes_last_of_its_instant_comes_after_those_that_others_of_it_bring_about() -> None:
+    clock, happened = SimClock(), list[str]()
+
+    def first() -> None:
+        happened.append("first")
+        clock.call_at(1.0, lambda: happened.append("what it brings about"))
+
+    clock.call_last_at(1.0, lambda: happened.append("last"))
+    clock.call_last_at(1.0, lambda: happened.append("the very last"))
+    clock.call_at(1.0, first)
+    clock.call_at(2.0, lambda: happened.append("later"))
+    clock.sleep(2.0)
+
+    assert happened == ["first", "what it brings about", "last", "the very last", "later"]

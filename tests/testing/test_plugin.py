@@ -167,6 +167,26 @@ def test_a_timeline_with_mistakes_is_no_test_and_says_all_of_them(project: Path)
     assert "tests/gate.timeline.yaml:5:48: error[CDR2011]: 'angle' is in rad, and '60' has no unit" in done.stdout
 
 
+def test_a_timeline_of_a_spec_that_was_not_compiled_anew_says_so(project: Path) -> None:
+    (project / "specs" / "gate.yaml").write_text(SPEC.replace("30 deg", "20 deg"), "utf-8")
+    (project / "tests" / "gate.timeline.yaml").write_text(TIMELINE, "utf-8")
+    done = run("-m", "pytest", "-q", cwd=project)
+
+    assert done.returncode == 2
+    assert "'generated/gate' is not what 'specs/gate.yaml' says any more" in done.stdout
+    assert "compile it: codra compile specs/gate.yaml" in done.stdout
+
+
+def test_a_handle_that_cannot_be_made_is_told_without_a_traceback(project: Path) -> None:
+    timeline = f"{TIMELINE}resources: {{camera: {{call: gate_perception:Camra}}}}\n"
+    (project / "tests" / "gate.timeline.yaml").write_text(timeline, "utf-8")
+    done = run("-m", "pytest", "-q", cwd=project)
+
+    assert "tests/gate.timeline.yaml:13: 'gate_perception:Camra': AttributeError" in done.stdout
+    assert "Traceback" not in done.stdout
+    assert "collecting.py" not in done.stdout
+
+
 def test_a_program_runs_in_stories_through_the_fixture(project: Path) -> None:
     (project / "tests" / "cross.yaml").write_text(CROSS, "utf-8")
     (project / "tests" / "test_gate.py").write_text(TESTS, "utf-8")

@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codra_dsl.runtime import CallError, Kind, Record, SimClock
+from codra_dsl.runtime import CallError, Kind, Record, SimClock, WallClock
 from codra_dsl.testing.run import StoryFailed
+from generated import kitchen
 from tests.kitchen_world import Kitchen
 from tests.testing.told import told
 
@@ -151,6 +155,24 @@ stories:
     ).play()
 
 
+def test_a_late_result_is_about_the_time_when_it_would_have_come() -> None:
+    told(
+        f"""\
+start:
+  perception: {{ask_dock: {{returns: {{contact: true}}}}}}
+  main_execution: {{set: {READY}, declare: [kettle_docked]}}
+stories:
+  told:
+    1 s:
+      perception: {{ask_dock: {{late: 1500 ms, jobs: 1}}}}
+    3400 ms:
+      believes: {{kettle_docked: {{is: true, because: from evidence taken at 0 s}}}}
+    3500 ms:
+      believes: {{kettle_docked: {{is: true, because: from evidence taken at 2 s}}}}
+"""
+    ).play()
+
+
 def test_a_wait_of_the_main_execution_does_not_hold_the_world_up() -> None:
     told(
         FRIDGE
@@ -233,12 +255,49 @@ def test_a_timeline_has_no_main_execution_beside_a_program() -> None:
         run.__enter__()
 
 
+def test_a_story_runs_in_simulated_time_only() -> None:
+    clock: Any = WallClock()
+
+    with clock, pytest.raises(TypeError, match="give it a SimClock"):
+        told("stories: {told: {9 s: {}}}").start(clock=clock, resources={})
+
+
 def test_what_a_program_raises_is_not_hidden_by_what_is_not_so() -> None:
     with pytest.raises(ZeroDivisionError), told("stories: {told: {9 s: {running: [hob_watch]}}}"):
         _ = 1 / 0
 
 
 # The same seed, the same record
+
+
+def test_a_story_gives_the_record_of_a_program_that_does_the_same_by_hand() -> None:
+    run = told(
+        """\
+resources: {kitchen: {call: tests.kitchen_world:Kitchen}}
+stories:
+  told:
+    0 s: {main_execution: {set: {robot_is_localized: true, light_is_on: true}, begin: [open_fridge]}}
+    2500 ms: {resources: {kitchen: {angle_rad: {fridge: 90 deg}}}, main_execution: {act: [open_fridge]}}
+    6 s: {main_execution: {acted: [open_fridge], decide: {fridge_open: {since: 4 s}}, end: [open_fridge]}}
+    9 s: {agents: {wall_switch: {light_is_on: false}}, believes: {fridge_open: true}}
+"""
+    )
+    run.play()
+    clock, room = SimClock(), Kitchen()
+    with kitchen.start(clock=clock, resources={"kitchen": room}) as codra:
+        codra.set("robot_is_localized", True)
+        codra.set("light_is_on", True)
+        with codra.skill("open_fridge") as skill:
+            clock.sleep(2.5)
+            room.angle_rad["fridge"] = math.pi / 2
+            with skill.acting():
+                clock.sleep(3.5)
+            codra.decide("fridge_open", otherwise=lambda: None, since_s=4.0)
+        clock.sleep(3.0)
+        codra.agent("wall_switch").set("light_is_on", False)
+        clock.sleep(0.0)
+
+    assert run.record.text() == codra.record.text()
 
 
 ALGORITHMS = {"measure_fridge": "distance: 40 cm", "look_at_fridge": "angle: 40 deg", "look_at_hob": "lamp: low"}
