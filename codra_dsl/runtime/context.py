@@ -16,7 +16,6 @@ from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
-from codra_dsl.runtime.evidence import Present
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.inputs import MAIN, OBSERVER, Inputs, NotDeclaredError
@@ -31,6 +30,7 @@ from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.subscriptions import Subscription, Subscriptions
+from codra_dsl.runtime.waiting import wait_for
 from codra_dsl.runtime.why import Why, explain
 
 VariableName = TypeVar("VariableName", bound=str)
@@ -355,14 +355,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         term = condition if isinstance(condition, Term) else known(condition)
         for name in sorted(term.variables()):
             self._model(name)
-        end_s = self._clock.now_s() + timeout_s
-        while not self._holds(term):
-            left_s = end_s - self._clock.now_s()
-            if left_s <= 0:
-                return False
-            flips_s = term.flips_s(Present(self._store.cells, self._clock.now_s()))
-            self._clock.wait_until(lambda: self._holds(term), left_s if flips_s is None else min(flips_s, left_s))
-        return True
+        return wait_for(term, self._store.cells, self._clock, timeout_s)
 
     @contextmanager
     def slot(self, *resources: str) -> Iterator[None]:
@@ -396,9 +389,6 @@ class ContextManager(Generic[VariableName, SkillName]):
             self.inputs.release_slots(number)
 
     # Within
-
-    def _holds(self, term: Term) -> bool:
-        return term.holds(Present(self._store.cells, self._clock.now_s()))
 
     def _skill_under_way(self, model: SkillModel, number: int) -> Skill:
         return Skill(

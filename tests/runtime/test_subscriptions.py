@@ -260,3 +260,21 @@ def test_another_thread_ends_the_waiting() -> None:
     with in_real_time() as manager:
         threading.Timer(0.05, lambda: manager.set("n", 5)).start()
         assert manager.wait_for(value("n") > 4, PATIENCE_S) is True
+
+
+def test_waiting_ends_when_the_clock_is_closed() -> None:
+    for condition in (value("n") > 4, age("n") > PATIENCE_S):
+        clock = WallClock(0.0)
+        with started(MODEL, World(), clock) as manager:
+            manager.set("n", 1)
+            threading.Timer(0.05, clock.close).start()
+            assert manager.wait_for(condition, 10 * PATIENCE_S) is False
+
+
+def test_waiting_for_less_than_no_time_asks_once() -> None:
+    with started(MODEL, World()) as manager:
+        manager.set("n", 1)
+        assert manager.wait_for("n", -1.0) is True
+        assert manager.wait_for("a", -1.0) is False
+        with pytest.raises(ValueError, match="a duration is zero or more"):
+            manager.wait_for("a", float("nan"))
