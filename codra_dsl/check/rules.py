@@ -53,6 +53,7 @@ RULES = rules(
     ("CDR7113", "unused-template", _WARNING),
     ("CDR7114", "shadowed-name", _WARNING),
     ("CDR7115", "same-label", _WARNING),
+    ("CDR7116", "ineffective-on-event", _WARNING),
     # CDR8101 to CDR8105 had meanings, and no code is ever used again
 )
 """All rules by name."""

@@ -268,7 +268,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             ValueError: if the instant lies in the future, or before what the record holds.
         """
         self._model(name)
-        with self._clock:
+        with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
         if at_s is not None and not at_s <= now_s:
             raise ValueError(f"it is {now_s} now: what is at {at_s} is not known yet")
@@ -362,13 +362,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         logged. If it is slow the oldest of 1,000 changes that wait is dropped, as `Subscription.dropped` counts.
         """
         wanted = dict.fromkeys([names] if isinstance(names, str) else names)
-        with self._clock:
+        with self._lock:  # no step: it changes nothing that a journal tells
             return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
 
     def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
         """Call back, as `subscribe` does, whenever there is newer evidence or another reading of a variable."""
         self._model(name)
-        with self._clock:
+        with self._lock:
             return self._subscriptions.follow(name, callback)
 
     def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:

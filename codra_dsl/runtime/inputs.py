@@ -222,7 +222,8 @@ class Inputs:
             if raised is not None:
                 self._decided(what, decision, raised=raised)
                 return
-            keeps = not shadow and found is not None and self._may_write(name)
+            is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
+            keeps = not shadow and found is not None and not is_void and self._may_write(name)
             about: dict[str, object] = {"found": found}
             if not decision.met:
                 about |= {"kept": keeps, **({"shadow": True} if shadow else {})}

@@ -130,7 +130,7 @@ def test_without_skills_nothing_is_unreached() -> None:
         ),
         ("monitor: [door_locked, people]", "monitor: [door_gap becomes < 5 mm within 1 min]", []),
         ("monitor: [door_locked, people]", "monitor: ['door_state becomes \"open\" within 1 s']", []),
-        ("door_locked: {type: bool}", "door_locked: {type: bool, refresh: on_event}", []),
+        ("door_locked: {type: bool}", "door_locked: {type: bool, refresh: on_event}", ["ineffective-on-event"]),
         ("    given: [robot_is_localized]\n", "    isolate: process\n", []),
         ("    given: [robot_is_localized]\n", "    isolate: thread\n", []),
     ],

@@ -91,6 +91,20 @@ def test_results_that_are_too_old_before_the_last_that_confirms_is_there_are_fou
     )
 
 
+def test_on_event_beside_a_periodic_variable_has_no_effect() -> None:
+    both = [("steady: {type: bool}", "steady: {type: bool, refresh: on_event}")]
+    (found,) = told(*both)
+    assert found == (
+        "ineffective-on-event",
+        "on_event",
+        "'refresh: on_event' of 'steady' has no effect: algorithm 'see_light' also identifies 'lit', for which it "
+        "looks periodically",
+    )
+    lit = ("lit: {type: bool, valid_for: 10 s}", "lit: {type: bool, valid_for: 10 s, refresh: on_event}")
+    assert told(*both, lit) == []
+    assert told(("near: {type: bool, valid_for: 3 s}", "near: {type: bool, valid_for: 3 s, refresh: on_event}")) == []
+
+
 @pytest.mark.parametrize(
     ("edits", "expected"),
     [

@@ -111,3 +111,18 @@ def test_a_value_that_cannot_be_the_variables_is_told_with_what_is_wrong() -> No
         clock.sleep(0.5)
         (event,) = [event for event in manager.record.of(Kind.JOB) if event.what == "rejected"]
     assert (event.details["reason"], event.details["message"]) == (Reason.FAILED, "7 lies outside [0, 3]")
+
+
+def test_what_was_looked_for_before_a_skill_changed_it_is_not_kept() -> None:
+    with started(Door()) as (manager, clock):
+
+        def look_then_act() -> bool:
+            clock.sleep(0.1)
+            with manager.skill("open_door") as skill, skill.acting():
+                clock.sleep(0.1)
+            return False
+
+        manager.declare("open")
+        assert manager.decide("open", look_then_act) is False
+        assert (manager.get("open").reason, manager.get("open").detail) == (Reason.INVALIDATED, "open_door")
+        assert manager.record.of(Kind.DECISION)[-1].details["kept"] is False

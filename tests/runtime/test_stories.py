@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
-from codra_dsl.logic import value
-from codra_dsl.runtime import Reason, SimClock
-from codra_dsl.runtime.model import real
+import threading
+
+import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from codra_dsl.logic import known, value
+from codra_dsl.runtime import ContextManager, Reason, Record, SimClock, UnknownValueError, WallClock
+from codra_dsl.runtime.model import ObserverModel, real
+from codra_dsl.runtime.observer import Observer
 from tests.runtime.forests import Look, World, algorithm, forest, given, observer, seen, started, takes, variable
 
 YES = {"seen": True}
+PATIENCE_S = 20.0
 
 
 def test_no_message_about_the_battery_is_not_a_battery_that_is_fine() -> None:
     """Nav2's IsBatteryLow starts as false and never ages."""
-    model = forest([given("battery_is_low", valid_for_s=10.0)])
-    clock = SimClock()
-    with started(model, World(), clock) as manager:
+    model = forest(
+        [given("battery_is_low", valid_for_s=10.0), variable("path_free")],
+        observer("o", seen("look_far", "path_free", when=[~value("battery_is_low")])),
+    )
+    world, clock = World({"look_far": YES}), SimClock()
+    with started(model, world, clock) as manager:
+        manager.declare("path_free")
         clock.sleep(100)
         assert manager.get("battery_is_low").reason is Reason.NEVER_OBSERVED
+        with pytest.raises(UnknownValueError):
+            _ = manager.get("battery_is_low").value
+        with pytest.raises(TypeError, match="no truth value"):
+            bool(manager.get("battery_is_low"))
+        assert world.calls == []
         assert manager.decide("battery_is_low", lambda: True) is True
         manager.set("battery_is_low", False)
         clock.sleep(10)
         assert manager.get("battery_is_low").reason is Reason.STALE
+        looked = len(world.calls)
+        assert looked > 0
+        clock.sleep(100)
+        assert len(world.calls) == looked
 
 
 def test_an_absent_value_satisfies_neither_a_condition_nor_its_negation() -> None:
@@ -41,21 +62,26 @@ def test_an_absent_value_satisfies_neither_a_condition_nor_its_negation() -> Non
         assert [name for name, _ in world.calls] == ["see_b"]
 
 
-def test_one_unknown_coordinate_is_not_hidden_by_a_known_one() -> None:
+@pytest.mark.parametrize("last", ["x", "y", "phi"])
+def test_one_unknown_coordinate_is_not_hidden_by_a_known_one(last: str) -> None:
     """RAFCON's move_to_position asks `(my_x or my_y or my_phi) is None`."""
+    pose = {"x": 0.0, "y": 2.0, "phi": 0.0}
     where = Look(
-        algorithm("measure", {"error": real(optional=True)}, given=("x", "y")), {"arrived": value("error") < 0.1}
+        algorithm("measure", {"error": real(optional=True)}, given=tuple(pose)), {"arrived": value("error") < 0.1}
     )
-    model = forest([given("x", type=real()), given("y", type=real()), variable("arrived")], observer("o", where))
+    model = forest([*(given(name, type=real()) for name in pose), variable("arrived")], observer("o", where))
     world, clock = World({"measure": {"error": 0.0}}), SimClock()
     with started(model, world, clock) as manager:
         manager.declare("arrived")
-        manager.set("y", 2.0)
+        for name in pose.keys() - {last}:
+            manager.set(name, pose[name])
         clock.sleep(5)
         assert world.calls == []
-        manager.set("x", 0.0)
+        assert manager.wait_for(known("x") & known("y") & known("phi"), 0.0) is False
+        assert manager.wait_for((value("x") + value("y") + value("phi")).is_in(2.0), 0.0) is False
+        manager.set(last, pose[last])
         clock.sleep(0)
-        assert world.given == [{"x": 0.0, "y": 2.0}]
+        assert world.given == [pose]
 
 
 def test_a_history_is_a_ring_that_goes_on() -> None:
@@ -66,6 +92,20 @@ def test_a_history_is_a_ring_that_goes_on() -> None:
             manager.set("x", step)
             clock.sleep(1)
         assert [reading.value for reading in manager.history("x")] == [45, 46, 47, 48, 49]
+
+
+def test_a_record_that_is_full_goes_on_with_the_newest() -> None:
+    """So does whoever listens: py_trees' stream freezes what it shows."""
+    clock, record, heard = SimClock(), Record(limit=20), []
+    model = forest([given("x", type=real())])
+    with ContextManager[str, str](model, clock=clock, resources={"world": World()}, record=record) as manager:
+        manager.subscribe("x", lambda reading: heard.append(reading.content))
+        for step in range(500):
+            manager.set("x", step)
+            clock.sleep(1)
+    assert list(record)[-1].details["value"] == 499
+    assert 20 <= len(record) < 40
+    assert heard == [None, *range(500)]
 
 
 def test_one_function_that_raises_or_overstays_stops_no_other() -> None:
@@ -89,6 +129,47 @@ def test_one_function_that_raises_or_overstays_stops_no_other() -> None:
         assert manager.get("b").reason is Reason.TIMED_OUT
         assert manager.get("c").evidence_s == 10
     assert len(world.asked_s("see_c")) == 11
+
+
+def test_in_real_time_what_never_ends_or_breaks_its_tree_stops_no_other() -> None:
+    """A function that hangs for ever, one that ends its thread, a tree that is broken, and a subscriber that raises."""
+    release = threading.Event()
+
+    def leaves(_: object) -> object:
+        raise SystemExit
+
+    def broken(_: object) -> object:
+        raise ValueError("this tree is broken")
+
+    model = forest(
+        [variable("a"), variable("b"), variable("c"), variable("d")],
+        observer("o", seen("hangs", "a", timeout_s=0.2)),
+        observer("p", seen("leaves", "b"), period_s=0.05),
+        ObserverModel(name="q", identifies=("c",), build=broken_tree, period_s=0.05),
+        observer("r", seen("see_d", "d"), period_s=0.05),
+    )
+    world = World({"hangs": lambda _: release.wait(PATIENCE_S), "leaves": leaves, "see_d": YES})
+    with WallClock() as clock, started(model, world, clock) as manager:
+        manager.subscribe(list("abcd"), broken)
+        for name in "abcd":
+            manager.declare(name)
+        for name in "abc":
+            reason = Reason.TIMED_OUT if name == "a" else Reason.FAILED
+            assert clock.wait_until(lambda name=name, reason=reason: manager.get(name).reason is reason, PATIENCE_S)
+        since_s = clock.now_s()
+        assert clock.wait_until(lambda: manager.get("d").start_s > since_s, PATIENCE_S)
+        assert "this tree is broken" in manager.get("c").detail
+        release.set()
+
+
+class _Broken(Behaviour):
+    def update(self) -> Status:
+        raise RuntimeError("this tree is broken")
+
+
+def broken_tree(observer: Observer) -> Behaviour:
+    observer.branch(algorithm("never_asked")).identifies.append("c")
+    return _Broken("broken")
 
 
 def test_no_decision_is_answered_before_the_first_observation() -> None:

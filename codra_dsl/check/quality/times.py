@@ -1,4 +1,4 @@
-"""Values that go stale before newer ones can be there, and slots that have not time enough for all who look."""
+"""Values that go stale before newer ones can be there, and looking that is more often than is meant or possible."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from codra_dsl.model import (
     Access,
     Algorithm,
     ObserverSetting,
+    Refresh,
     Resource,
     Skill,
     Variable,
@@ -98,7 +99,27 @@ def oversubscribed_slots(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     yield from (_oversubscribed(scope.resources[name], demand) for name, demand in worst.items())
 
 
-TIMES = (stale_before_renewed, oversubscribed_slots)
+def ineffective_on_event(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
+    """What is looked at on events only is not identified beside what is looked at periodically."""
+    for algorithm in scope.algorithms.values():
+        known = [each for entry in algorithm.identifies if (each := scope.variables.get(entry.variable.name))]
+        periodic = next((each for each in known if each.refresh is Refresh.PERIODIC), None)
+        if periodic is None or not faults.sound("perception", algorithm.name):
+            continue
+        for variable in known:
+            if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
+                yield finding(
+                    "ineffective-on-event",
+                    f"'refresh: on_event' of '{variable.name}' has no effect: algorithm '{algorithm.name}' also "
+                    f"identifies '{periodic.name}', for which it looks periodically",
+                    variable.places.get("refresh", variable.place),
+                    path=f"context.{variable.name}.refresh",
+                    way_out=f"say 'refresh: on_event' for '{periodic.name}' as well, or for none",
+                    related=(Related("declared here", periodic.place),),
+                )
+
+
+TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
 """The rules of this subject."""
 
 
