@@ -290,7 +290,7 @@ class _Explanation:
         """Return which of the allowed words is meant, and whether it surely is: what has `values` is an enum."""
         holder = self._node(path[:-1])
         if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
-            return "enum", False
+            return "enum", surely_means(word, "enum", ())
         return word_meant(word, allowed, self._findings)
 
     def _judged(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
