@@ -251,7 +251,7 @@ def _declare(scope: Scope, mention: Mention, section: str) -> str:
     meant = _parameter_meant(scope, mention) or literal_compared(scope, mention)
     if meant is not None:
         return meant
-    if not is_identifier(mention.name):
+    if mention.site is None and not is_identifier(mention.name):
         return _apart(scope, mention, section)
     if section == "agents":
         return "write 'observer', 'main_execution', or declare it under 'agents'"

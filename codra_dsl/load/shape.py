@@ -298,6 +298,8 @@ class _Explanation:
         named = self._named(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
         example = f"for example {_example(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        if str(error.path[-1] if error.path else self._subject.key.written) in error.schema.get("properties", ()):
+            example = "indent it further, as a key of the element above"
         if error.keyword == "not":
             reason = error.schema["description"]
             return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"

@@ -152,7 +152,7 @@ def cut_off_by_comment(written: str) -> Trap:
     message = f"YAML reads all after the ' #' in {shown(written)} as a comment"
     if not is_condition(written):
         is_whole = is_condition(written.partition(" #")[0])
-        way_out = "put the comment on a line of its own" if is_whole else "complete the condition before the '#'"
+        way_out = "put the comment on a line of its own" if is_whole else "complete it before the '#'"
         return Trap("cut-off-by-comment", message, f"{way_out}, or quote the whole")
     return _quoting("cut-off-by-comment", message, written)
 
