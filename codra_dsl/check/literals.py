@@ -57,10 +57,12 @@ def literal_compared(scope: Scope, mention: Mention) -> str | None:
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
-    seen = scope.context_types if site.role is Role.OBSERVABLE_WHEN else _seen_by(scope, site)
+    in_context = site.role is Role.OBSERVABLE_WHEN
+    seen = scope.context_types if in_context else _seen_by(scope, site)
     if isinstance(site.condition.tree, Name):
-        owners = [name for name, each in seen.items() if each is not None and mention.name in each.values]
-        return f'write {owners[0]} == "{mention.name}"' if owners else None
+        owners = (name for name, each in seen.items() if each is not None and mention.name in each.values)
+        owner = scope.owner_of_member.get(mention.name) if in_context else next(owners, None)
+        return f'write {owner} == "{mention.name}"' if owner else None
     sides = (side for node in walk(site.condition.tree) for _, *link in links(node) for side in (link, link[::-1]))
     beside = (other.name for one, other in sides if isinstance(other, Name) and _is(one, mention.name))
     kinds = {each.kind for name in beside if (each := seen.get(name)) is not None}

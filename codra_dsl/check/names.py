@@ -251,7 +251,7 @@ def _declare(scope: Scope, mention: Mention, section: str) -> str:
     meant = _parameter_meant(scope, mention) or literal_compared(scope, mention)
     if meant is not None:
         return meant
-    if not is_identifier(mention.name):
+    if mention.site is None and not is_identifier(mention.name):
         return _apart(scope, mention, section)
     if section == "agents":
         return "write 'observer', 'main_execution', or declare it under 'agents'"
@@ -271,9 +271,9 @@ def _parameter_meant(scope: Scope, mention: Mention) -> str | None:
     """Return the parameter that is meant by a name in a template which is, or begins with, the name of one."""
     if mention.place.use is None:
         return None
-    names = {parameter.name for template in scope.spec.templates for parameter in template.parameters} | {INSTANCE}
-    begun = [name for name in names if f"{mention.name}_".startswith(f"{name}_")]
-    meant = max(begun, key=len, default="")
+    words = mention.name.split("_")
+    begun = ("_".join(words[:count]) for count in range(len(words), 0, -1))
+    meant = next((each for each in begun if each == INSTANCE or each in scope.parameters), "")
     return f"write {mention.name.replace(meant, f'$({meant})', 1)}" if meant else None
 
 

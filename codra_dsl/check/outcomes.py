@@ -273,10 +273,16 @@ def _arithmetic(node: Node, context: Context) -> Values:
     """Return what a result can be; a division may be by zero, which is unknown."""
     assert isinstance(node, Arithmetic)
     left, right = outcomes(node.left, context), outcomes(node.right, context)
+    if node.operator == "/" and all(map(_is_no_divisor, right)):
+        return UNKNOWN
     found = _calculated(_OPERATIONS[node.operator], left, right)
     if node.operator != "/" or found == UNKNOWN or not any(_holds_zero(value) for value in right):
         return found
     return found | UNKNOWN
+
+
+def _is_no_divisor(value: Value) -> bool:
+    return value is None or (isinstance(value, Interval) and value.is_point and value.low == 0)
 
 
 def _holds_zero(value: Value) -> bool:

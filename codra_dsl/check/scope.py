@@ -230,6 +230,16 @@ class Scope:
         return frozenset(name for name in found if not self.declares("context", name))
 
     @cached_property
+    def owner_of_member(self) -> Mapping[str, str]:
+        """For each member of a context-variable's enum, a variable that has it."""
+        return {member: variable.name for variable in self.spec.context[::-1] for member in variable.type.values}
+
+    @cached_property
+    def parameters(self) -> frozenset[str]:
+        """The names of all parameters of templates, but for the name of the use."""
+        return frozenset(each.name for template in self.spec.templates for each in template.parameters)
+
+    @cached_property
     def vocabulary(self) -> Vocabulary:
         """The words of all that the spec declares, and of its texts."""
         return Vocabulary(_texts(self.spec))

@@ -85,7 +85,7 @@ def end_in_brackets(text: str, start: int) -> int:
         letter = text[offset]
         if quote:
             quote = "" if letter == quote else quote
-        elif letter in "\"'":
+        elif letter in "\"'" and not text[offset - 1 : offset].isalnum():
             quote = letter
         elif letter in "()":
             depth += 1 if letter == "(" else -1

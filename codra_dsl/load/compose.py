@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from codra_dsl.diagnostics import Related
-from codra_dsl.expression import Arithmetic, Name, Negative, Node, Number, parse
+from codra_dsl.expression import And, Arithmetic, Node, Not, Or, parse, parts
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.complaint import Problem
 from codra_dsl.load.draft import Draft
@@ -266,7 +266,7 @@ class _Composer:
             if type(item) is not ScalarNode or item.style is not Style.PLAIN or " - " not in item.text:
                 continue
             folded = _FOLDED.search(self._text, item.start, item.end)
-            if folded is not None and not _is_difference(item.text, self._text[item.start : folded.start()]):
+            if folded is not None and _is_no_condition(item.text):
                 item.reported = True
                 message, way_out = "this item stands further in than the one above", "begin every '- ' in one column"
                 self._report("yaml-syntax", message, *folded.span("item"), way_out)
@@ -406,12 +406,17 @@ class _Composer:
         self._findings.add(rule, message, self._source.place(start, end), help=way_out, related=related)
 
 
-def _is_difference(text: str, first: str) -> bool:
-    """Return whether a '-' at the beginning of a line takes a number from the one before, inside a comparison."""
-    whole, before = parse(text), parse(first)
-    if not isinstance(whole, Node) or isinstance(whole, Arithmetic):
-        return False
-    return isinstance(before, (Name, Number, Arithmetic, Negative))
+def _is_no_condition(text: str) -> bool:
+    """Return whether a text does not parse, or gives a number where it must say what is true."""
+    tree = parse(text)
+    return not isinstance(tree, Node) or any(isinstance(each, Arithmetic) for each in _truths(tree))
+
+
+def _truths(tree: Node) -> Iterator[Node]:
+    """Yield the parts of a condition that must be true or false."""
+    yield tree
+    for part in parts(tree) if isinstance(tree, (And, Or, Not)) else ():
+        yield from _truths(part)
 
 
 def _range(node: YamlNode) -> tuple[int, int]:

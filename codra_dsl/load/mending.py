@@ -87,7 +87,7 @@ def _colon_after_key(complaint: Complaint) -> Problem | None:
         return None
     if "simple key" in complaint.context:
         start = line_start(text, complaint.begun)
-    elif "mapping values" in complaint.problem:
+    elif "mapping values" in complaint.problem and not re.search(r":[ \t]", complaint.before()):
         start = _first_of_lines_without_colon(text, at)
     elif "document start" in complaint.problem:
         first = re.search(r"^[^\s#]", text, re.MULTILINE)

@@ -290,7 +290,7 @@ class _Explanation:
         """Return which of the allowed words is meant, and whether it surely is: what has `values` is an enum."""
         holder = self._node(path[:-1])
         if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
-            return "enum", False
+            return "enum", surely_means(word, "enum", ())
         return word_meant(word, allowed, self._findings)
 
     def _judged(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
@@ -298,6 +298,8 @@ class _Explanation:
         named = self._named(error.path)
         title = error.schema.get("title", "something else") if error.path else "a mapping"
         example = f"for example {_example(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        if str(error.path[-1] if error.path else self._subject.key.written) in error.schema.get("properties", ()):
+            example = "indent it further, as a key of the element above"
         if error.keyword == "not":
             reason = error.schema["description"]
             return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"

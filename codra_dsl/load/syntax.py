@@ -34,6 +34,7 @@ _HIDDEN_BRACKET = re.compile(
     r"(?:[\[{,]|:[ \t])[ \t]*(?P<value>(?:(?!:[ \t])[^\[{,\r\n#])*?[ \t]#[^\r\n]*?)[\]}][\]}, \t]*$", re.MULTILINE
 )
 _KEY_AND_VALUE = re.compile(r"(?P<indent>[ ]*)(?:- )?[\w$()]+:[ \t]+[^\s{\[\"'|>&!#]")
+_MAPPINGS = frozenset({"identifies", "returns", "with", "uses"})
 _TEXTS = frozenset({"label", "description"})
 _MAX_PIECES = 50
 _PIECE_BEGINS = re.compile(r"(?:[\[{,]|:[ \t])[ \t]*")
@@ -132,7 +133,7 @@ def _second_colon(complaint: Complaint) -> Problem | None:
     key, written = keys[-1][0].rstrip(": \t"), complaint.text[start:end]
     if key == "call":
         trap = torn_call
-    elif is_known_key(before[keys[-1].end() :].strip()) and key not in _TEXTS:
+    elif key in _MAPPINGS or (is_known_key(before[keys[-1].end() :].strip()) and key not in _TEXTS):
         trap = torn_mapping
     else:
         trap = torn_at_colon if key in _TEXTS else torn_condition
@@ -256,6 +257,8 @@ def _plain(complaint: Complaint) -> Problem:
         return Problem("yaml-syntax", message, "indent the keys of a mapping alike", start, at)
     if complaint.letter in ("}", "]") and not complaint.in_brackets:
         return Problem("yaml-syntax", f"{shown(complaint.letter)} closes nothing", "remove it", at, at + 1)
+    if complaint.letter == "," and "expected key" in problem:
+        return Problem("yaml-syntax", "',' stands after the end of a value", "remove it", at, at + 1)
     word = _WORD.match(complaint.text, at)
     end = word.end() if word else min(at + 1, len(complaint.text))
     letter = shown(complaint.letter) if complaint.letter.strip() else "the end of the line"

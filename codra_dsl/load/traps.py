@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from codra_dsl.expression import Node, parse
+from codra_dsl.expression import Negative, Node, parse
 from codra_dsl.expression.tokens import shown
 
 _KEY_AND_VALUE = re.compile(r"(?P<key>[A-Za-z]\w*):\s+(?P<value>\S+)")
@@ -92,9 +92,8 @@ def read_as_literal(written: str, what: str, *, in_list: bool) -> Trap:
 def read_as_list(written: str) -> Trap:
     """Return the trap of a condition that is a list for YAML: it begins with `- ` or stands in brackets."""
     message = f"YAML reads {shown(written)} as a list, not as a condition"
-    inner = written.removeprefix("- ")
-    if inner != written and is_condition(inner):
-        return Trap("read-as-list", message, "write '- ' once", _on_one_line(inner), _on_one_line(inner))
+    if isinstance(parse(_on_one_line(written)), Negative):  # a number, which is no condition
+        return Trap("read-as-list", message, "write '- ' once")
     return Trap("read-as-list", message, f"put quotes around it: {quoted(written)}")
 
 
@@ -153,7 +152,7 @@ def cut_off_by_comment(written: str) -> Trap:
     message = f"YAML reads all after the ' #' in {shown(written)} as a comment"
     if not is_condition(written):
         is_whole = is_condition(written.partition(" #")[0])
-        way_out = "put the comment on a line of its own" if is_whole else "complete the condition before the '#'"
+        way_out = "put the comment on a line of its own" if is_whole else "complete it before the '#'"
         return Trap("cut-off-by-comment", message, f"{way_out}, or quote the whole")
     return _quoting("cut-off-by-comment", message, written)
 

@@ -30,6 +30,7 @@ def test_a_name_that_nobody_declares_is_one_finding_with_all_its_mentions() -> N
         ("uses: {base: read}", "uses: {peopl: read}", "declare 'peopl' under 'resources'"),
         ("markers >= 2", "base >= 2", "name a returned value here"),
         ("markers >= 2", "door_gpa >= 2", "declare 'door_gpa' under 'returns'"),
+        ("markers >= 2", f"{'w' * 101} >= 2", f"declare '{'w' * 101}' under 'returns'"),
         ("preview: [door_state, door_gap]", "preview: [door_state, width_]", "declare 'width_' under 'context'"),
     ],
 )

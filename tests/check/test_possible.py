@@ -122,6 +122,7 @@ def possible(condition: str, *unknown: str) -> bool:
         ("abs(n - r) < 2 and abs(r - n) > 3", (), False),
         ("max(n, r) < 2 and max(r, n) > 3", (), False),
         ("n - n > 0", (), False),
+        ("n / 0 > 1", (), False),
     ],
 )
 def test_what_can_hold_while_some_names_are_unknown(condition: str, unknown: tuple[str, ...], expected: bool) -> None:

@@ -169,6 +169,10 @@ def test_traps_that_make_a_file_unreadable_leave_the_rest_to_be_read() -> None:
     assert rules_of(text) == ["read-as-block", "read-as-quoted", "wrong-type", "unknown-key"]
 
 
+def test_a_line_that_begins_with_a_minus_may_go_on_with_a_difference() -> None:
+    assert condition_of("    accept_when:\n      - x\n        - 1 > 2\n").text == "x - 1 > 2"
+
+
 def test_names_are_parsed_once_and_mean_the_same() -> None:
     condition = condition_of("    accept_when: [state]\n")
 
