@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import compiling
+import isolation
 from rows import Row
 
-GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows}
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows, "isolation": isolation.rows}
 """What measures each group of rows, given a scratch folder."""
 
 RESULTS = Path(__file__).with_name("results.json")

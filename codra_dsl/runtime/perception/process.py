@@ -70,6 +70,7 @@ class Process:
         self._life = life
         self._ending = threading.Lock()
         self._how: str | None = None
+        self._is_terminated = False
         self._printed: deque[str] = deque(maxlen=1)
         self._hang_up = weakref.finalize(self, _hang_up, talk, life, os.getpid())
         output = self._keeper.stdout
@@ -85,7 +86,7 @@ class Process:
 
     def terminate(self) -> None:
         """End it at once, by SIGTERM, then by SIGKILL; do not wait for that."""
-        self.is_doomed = True
+        self.is_doomed = self._is_terminated = True
         with contextlib.suppress(OSError):
             self._life.send(TERMINATE, socket.MSG_DONTWAIT)
 
@@ -117,7 +118,8 @@ class Process:
         how = _described(STATUS.unpack(told)[0]) if len(told) == STATUS.size else "was lost"
         if how != _WELL:
             printed = f"; it printed last: {self._printed[-1]}" if self._printed else ""
-            _LOGGER.warning("the process of perception %r %s%s", self._name, how, printed)
+            level = logging.INFO if self._is_terminated else logging.WARNING  # what was ended is told as a failed job
+            _LOGGER.log(level, "the process of perception %r %s%s", self._name, how, printed)
         return how
 
 
