@@ -9,12 +9,11 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from statistics import quantiles
 from typing import Any
 
-from misbehaving import BAD
+from misbehaving import BAD, LOOKED_S
 from rows import Row
 
 OTHERS = 4
@@ -58,7 +57,10 @@ def _robot(scratch: Path, name: str) -> dict[str, Any]:
 def _spec() -> str:
     others = [f"other_{number}" for number in range(OTHERS)]
     names = [*others, *BAD]
-    perception = [_PERCEPTION.format(name=name, function="looks", more="") for name in others]
+    perception = [
+        _PERCEPTION.format(name=name, function="looks", more=f"\n    with: {{other: {number}}}")
+        for number, name in enumerate(others)
+    ]
     perception += [_PERCEPTION.format(name=name, function=name, more="\n    isolate: process") for name in BAD]
     return "".join(
         (
@@ -87,9 +89,11 @@ def main(scratch: Path, bad: str) -> None:
         readings = [codra.get(f"{name}_seen") for name in BAD if name == bad]
         jobs = codra.record.of(Kind.JOB)
     late_s: list[float] = []
-    for number in range(OTHERS):
-        mine = [job.instant_s for job in jobs if job.name == f"other_{number}" and job.what == "started"]
-        late_s += [after_s - before_s - PERIOD_S for before_s, after_s in pairwise(mine)]
+    for other in range(OTHERS):
+        mine = [job for job in jobs if job.name == f"other_{other}" and job.what == "started"]
+        looked_s = (LOOKED_S.get((other, job.details["index"])) for job in mine[1:])
+        due_s = [job.instant_s + PERIOD_S for job in mine]
+        late_s += [at_s - due for at_s, due in zip(looked_s, due_s, strict=False) if at_s is not None]
     told = {"reason": [each.reason for each in readings], "detail": [each.detail for each in readings]}
     print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **told}))
 

@@ -125,7 +125,7 @@ class Process:
 
 def _command(talk_fd: int, life_fd: int, call: str) -> list[str]:
     numbers = map(str, (talk_fd, life_fd, os.getpid()))
-    return [sys.executable, "-P", "-c", _BOOT, json.dumps(sys.path), *numbers, call]
+    return [sys.executable, "-P", "-c", _BOOT, json.dumps(list(map(str, sys.path))), *numbers, call]
 
 
 def _hang_up(talk: socket.socket, life: socket.socket, program: int) -> None:
