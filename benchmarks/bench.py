@@ -12,10 +12,15 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import compiling
+import isolation
 import running
 from rows import Row
 
-GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {"compiling": compiling.rows, **running.GROUPS}
+GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
+    "compiling": compiling.rows,
+    "isolation": isolation.rows,
+    **running.GROUPS,
+}
 """What measures each group of rows, given a scratch folder."""
 
 RESULTS = Path(__file__).with_name("results.json")

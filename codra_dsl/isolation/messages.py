@@ -54,7 +54,8 @@ class Line:
             raise TypeError(f"cannot be copied to another process: {described(error)}") from error
         if len(data) > MAX_GIVEN_BYTES:
             raise ValueError(f"{len(data)} bytes are more than the {MAX_GIVEN_BYTES} that a process is sent")
-        self.connection.sendall(_HEAD.pack(len(data)) + data)
+        self.connection.sendall(_HEAD.pack(len(data)))
+        self.connection.sendall(data)
 
     def take(self) -> Any:
         """Receive, in a process, what the program gives; it is trusted.
@@ -92,23 +93,24 @@ class Line:
             raise GarbageError("its process sent what is no message")
         return message
 
-    def _read(self, most: int) -> bytes:
+    def _read(self, most: int) -> bytearray:
         (length,) = _HEAD.unpack(self._read_all(_HEAD.size))
         if length > most:
             raise GarbageError(f"its process sent more than {most} bytes")
         return self._read_all(length)
 
-    def _read_all(self, length: int) -> bytes:
-        data = bytearray()
-        while len(data) < length:
+    def _read_all(self, length: int) -> bytearray:
+        data = bytearray(length)
+        left = memoryview(data)
+        while left:
             try:
-                part = self.connection.recv(min(length - len(data), 2**18))
+                count = self.connection.recv_into(left)
             except ConnectionError:
-                part = b""
-            if not part:
+                count = 0
+            if not count:
                 raise EOFError("nobody is there any more")
-            data += part
-        return bytes(data)
+            left = left[count:]
+        return data
 
 
 class _LongText(str):

@@ -251,7 +251,9 @@ class Branch:
 
     def _precedence(self) -> tuple[float, int]:
         """Return how its request for slots stands to others."""
-        return self.observer.model.priority, self.observer.surroundings.urgency(self.observer.name)
+        is_contested = bool(self.algorithm.slots)
+        urgency = self.observer.surroundings.urgency(self.observer.name) if is_contested else 0
+        return self.observer.model.priority, urgency
 
     def _begin(self) -> dict[str, Value | None] | None:
         """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""

@@ -69,7 +69,7 @@ class Slots:
         self._all = dict(self._free)
         self._main: Counter[str] = Counter()
         self._users_s: dict[str, list[float]] = {}
-        self._queue: list[Ticket] = []
+        self._queue: dict[int, Ticket] = {}
         self._requests = 0
         self._counted_s = clock.now_s()
         self._is_due = False
@@ -91,7 +91,7 @@ class Slots:
         self._grow_older()
         self._requests += 1
         ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._requests, lasts_s, grant)
-        self._queue.append(ticket)
+        self._queue[ticket.number] = ticket
         self._grant_soon()
         return ticket
 
@@ -101,8 +101,8 @@ class Slots:
         if ticket.held:
             ticket.held = False
             self._move(ticket, 1)
-        elif ticket in self._queue:
-            self._queue.remove(ticket)
+        else:
+            self._queue.pop(ticket.number, None)
         self._grant_soon()
 
     def _grant_soon(self) -> None:
@@ -113,30 +113,35 @@ class Slots:
     def _grant_all(self) -> None:
         self._is_due = False
         self._grow_older()
-        while (ticket := self._next()) is not None:
-            self._queue.remove(ticket)
-            ticket.held = True
-            self._move(ticket, -1)
-            ticket.grant()
+        while self._grant_next():
+            pass
 
-    def _next(self) -> Ticket | None:
-        """Return the first in the queue whose slots are free, counting those that the ones before it wait for."""
+    def _grant_next(self) -> bool:
+        """Grant the first in the queue whose slots are free, and all before it that need none; return whether one was.
+
+        Slots count as taken that those need who stand before it and have to wait.
+        """
         wanted: Counter[str] = Counter()
         spare_s = self._spare_s()
-        for ticket in sorted(self._queue, key=Ticket.rank):
+        for ticket in sorted(self._queue.values(), key=Ticket.rank):
             if ticket.lasts_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
                 continue
-            if all(self._free[slot] > wanted[slot] for slot in ticket.slots):
-                return ticket
-            wanted.update(ticket.slots)
-        return None
+            if any(self._free[slot] <= wanted[slot] for slot in ticket.slots):
+                wanted.update(ticket.slots)
+            elif self._queue.pop(ticket.number, None) is not None:
+                ticket.held = True
+                self._move(ticket, -1)
+                ticket.grant()
+                if ticket.slots:
+                    return True
+        return False
 
     def _spare_s(self) -> dict[int, float]:
         """Return, by the number of each request, how long older ones can still be held up by it."""
         spare_s: dict[int, float] = {}
         for slot, users_s in self._users_s.items():
             least_s, before_s = math.inf, 0.0
-            for ticket in self._queue:
+            for ticket in self._queue.values():
                 if slot in ticket.slots and not ticket.is_of_main_execution:
                     spare_s[ticket.number] = min(least_s, spare_s.get(ticket.number, math.inf))
                     least_s = min(least_s, len(users_s) * max(users_s) - ticket.age_s - before_s)
@@ -154,6 +159,6 @@ class Slots:
         """Let time count for those who wait, unless the main execution has all slots of one that they need."""
         now_s = self._clock.now_s()
         passed_s, self._counted_s = now_s - self._counted_s, now_s
-        for ticket in self._queue if passed_s > 0 else ():
+        for ticket in self._queue.values() if passed_s > 0 else ():
             if all(self._main[slot] < self._all[slot] for slot in ticket.slots):
                 ticket.age_s += passed_s

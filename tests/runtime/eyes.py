@@ -87,7 +87,7 @@ def returns_a_large_number(*, job: Any) -> object:
 
 
 def keeps_100_mb(*, job: Any) -> object:
-    KEPT.append(os.urandom(10**8))
+    KEPT[:] = [os.urandom(10**8)]
     return {"seen": True}
 
 

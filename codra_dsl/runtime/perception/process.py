@@ -26,6 +26,7 @@ _BOOT = (
     "main(*map(int, sys.argv[2:5]), sys.argv[5])"
 )
 _ENDS_WITHIN_S = (LEAVE_MS + TERMINATE_MS) / 1000 + 1.0
+_LISTENS_S = 0.5
 _CHUNK_BYTES = 8192
 _CHUNK_PERIOD_S = 0.05
 _WELL = "ended with exit code 0"
@@ -70,11 +71,14 @@ class Process:
         self._life = life
         self._ending = threading.Lock()
         self._how: str | None = None
+        self._is_terminated = False
         self._printed: deque[str] = deque(maxlen=1)
         self._hang_up = weakref.finalize(self, _hang_up, talk, life, os.getpid())
         output = self._keeper.stdout
         assert output is not None
-        threading.Thread(target=_listen, args=(output, name, self._printed), name="codra-output", daemon=True).start()
+        listening = (output, name, self._printed)
+        self._listener = threading.Thread(target=_listen, args=listening, name="codra-output", daemon=True)
+        self._listener.start()
 
     @property
     def is_silent(self) -> bool:
@@ -85,7 +89,7 @@ class Process:
 
     def terminate(self) -> None:
         """End it at once, by SIGTERM, then by SIGKILL; do not wait for that."""
-        self.is_doomed = True
+        self.is_doomed = self._is_terminated = True
         with contextlib.suppress(OSError):
             self._life.send(TERMINATE, socket.MSG_DONTWAIT)
 
@@ -116,14 +120,16 @@ class Process:
             self._keeper.wait(_ENDS_WITHIN_S)
         how = _described(STATUS.unpack(told)[0]) if len(told) == STATUS.size else "was lost"
         if how != _WELL:
+            self._listener.join(_LISTENS_S)
             printed = f"; it printed last: {self._printed[-1]}" if self._printed else ""
-            _LOGGER.warning("the process of perception %r %s%s", self._name, how, printed)
+            level = logging.INFO if self._is_terminated else logging.WARNING  # what was ended is told as a failed job
+            _LOGGER.log(level, "the process of perception %r %s%s", self._name, how, printed)
         return how
 
 
 def _command(talk_fd: int, life_fd: int, call: str) -> list[str]:
     numbers = map(str, (talk_fd, life_fd, os.getpid()))
-    return [sys.executable, "-P", "-c", _BOOT, json.dumps(sys.path), *numbers, call]
+    return [sys.executable, "-P", "-c", _BOOT, json.dumps(list(map(str, sys.path))), *numbers, call]
 
 
 def _hang_up(talk: socket.socket, life: socket.socket, program: int) -> None:

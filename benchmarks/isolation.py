@@ -1,0 +1,102 @@
+"""What others feel of a perception process that misbehaves: the lateness of their jobs, at its 99th percentile.
+
+The peer is the same robot without it, plus 100 ms. `python benchmarks/isolation.py SPEC_FOLDER NAME` is one such robot.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from statistics import quantiles
+from typing import Any
+
+from misbehaving import BAD, LOOKED_S
+from rows import Row
+
+OTHERS = 4
+PERIOD_S = 0.1
+LASTS_S = 20.0
+ALLOWED_S = 0.1
+
+_PERCEPTION = """\
+  {name}:
+    call: misbehaving:{function}
+    returns: {{seen: {{type: bool}}}}
+    timeout: 1 s
+    identifies: {{{name}_seen: seen}}{more}
+"""
+
+
+def rows(scratch: Path) -> Iterator[Row]:
+    """Measure each way to misbehave beside the robot without it."""
+    (scratch / "pyproject.toml").write_text("[tool.codra]\n", "utf-8")
+    (scratch / "robot.yaml").write_text(_spec(), "utf-8")
+    compile_ = [sys.executable, "-m", "codra_dsl", "compile", "robot.yaml"]
+    subprocess.run(compile_, cwd=scratch, check=True, stdout=subprocess.DEVNULL)
+    baseline = _robot(scratch, "nobody")
+    for name in BAD:
+        found = _robot(scratch, name)
+        about = f"{name}: {found['reason']} {found['detail']}, p99 {found['p99_s']:.4f} s of {found['jobs']} jobs"
+        print(f"{about}; without it {baseline['p99_s']:.4f} s", file=sys.stderr)
+        peer_s = baseline["p99_s"] + ALLOWED_S
+        yield Row(name=f"isolated_{name}", ours=found["p99_s"], peer=peer_s, target=1.0)
+
+
+def _robot(scratch: Path, name: str) -> dict[str, Any]:
+    """Run a robot on which one algorithm misbehaves, and return what it told."""
+    done = subprocess.run(
+        [sys.executable, Path(__file__).absolute(), scratch, name], cwd=scratch, check=True, stdout=subprocess.PIPE
+    )
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+def _spec() -> str:
+    others = [f"other_{number}" for number in range(OTHERS)]
+    names = [*others, *BAD]
+    perception = [
+        _PERCEPTION.format(name=name, function="looks", more=f"\n    with: {{other: {number}}}")
+        for number, name in enumerate(others)
+    ]
+    perception += [_PERCEPTION.format(name=name, function=name, more="\n    isolate: process") for name in BAD]
+    return "".join(
+        (
+            "codra: 1\nname: robot\ncontext:\n",
+            *(f"  {name}_seen: {{type: bool, valid_for: 10 s}}\n" for name in names),
+            "perception:\n",
+            *perception,
+            "observers:\n",
+            *(f"  watch_{name}: {{identifies: [{name}_seen], period: {PERIOD_S} s}}\n" for name in others),
+        )
+    )
+
+
+def main(scratch: Path, bad: str) -> None:
+    """Be the robot: let the others look all the time, and one misbehave."""
+    sys.path.insert(0, str(scratch))
+    from codra_dsl.runtime import Kind, WallClock  # noqa: PLC0415 - the parent measures, and needs none of it
+    from generated import robot  # noqa: PLC0415
+
+    with WallClock() as clock, robot.start(clock=clock, resources={}) as codra:
+        for number in range(OTHERS):
+            codra.declare(f"other_{number}_seen")
+        if bad in BAD:
+            codra.declare(f"{bad}_seen")
+        clock.sleep(LASTS_S)
+        readings = [codra.get(f"{name}_seen") for name in BAD if name == bad]
+        jobs = codra.record.of(Kind.JOB)
+    late_s: list[float] = []
+    for other in range(OTHERS):
+        mine = [job for job in jobs if job.name == f"other_{other}" and job.what == "started"]
+        looked_s = (LOOKED_S.get((other, job.details["index"])) for job in mine[1:])
+        due_s = [job.instant_s + PERIOD_S for job in mine]
+        late_s += [at_s - due for at_s, due in zip(looked_s, due_s, strict=False) if at_s is not None]
+    told = {"reason": [each.reason for each in readings], "detail": [each.detail for each in readings]}
+    print(json.dumps({"p99_s": quantiles(late_s, n=100)[98], "jobs": len(late_s), **told}))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2])
