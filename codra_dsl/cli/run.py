@@ -48,7 +48,12 @@ Out = Annotated[
 ]
 JournalOption = Annotated[
     Path | None,
-    typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
+    typer.Option(
+        "--journal",
+        metavar="FILE",
+        help="Write the run's journal, an MCAP file; with --naive also FILE's name with .naive in it.",
+        show_default=False,
+    ),
 ]
 
 _PROGRESS_EVERY_S = 10.0
