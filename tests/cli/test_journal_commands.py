@@ -339,6 +339,18 @@ def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Pat
     assert contents[0] == contents[1] == contents[2]
 
 
+def test_the_naive_arm_writes_a_journal_of_its_own(tmp_path: Path) -> None:
+    files = ("--journal", f"{tmp_path}/run.mcap", "--out", f"{tmp_path}/out")
+    assert codra("run", "specs/lab.yaml", "--naive", "--for", "4 s", *files, cwd=ROOT).returncode == 0
+    own, naive = (
+        codra("journal", "show", f"{tmp_path}/{name}", "--kind", "job", "--what", "started", cwd=ROOT).stdout
+        for name in ("run.mcap", "run.naive.mcap")
+    )
+
+    assert "job localize_centrifuge_lid started" in naive
+    assert "job localize_centrifuge_lid started" not in own
+
+
 def test_a_journal_that_cannot_be_made_is_refused_before_the_run(tmp_path: Path) -> None:
     done = codra("run", str(ROOT / "specs/lab.yaml"), "--journal", "missing/run.mcap", cwd=tmp_path)
 
