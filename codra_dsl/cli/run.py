@@ -89,6 +89,8 @@ def run_command(
         progress=_progress(),
         journal=None if journal is None else _writable(journal),
     )
+    if journal is not None and naive:
+        _writable(lab.beside(journal, lab.NAIVE))
     folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
     _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})

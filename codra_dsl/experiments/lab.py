@@ -159,8 +159,12 @@ def _record(arm: str, settings: LabSettings) -> Record:
     """Return what takes the events of an arm: all of them, since they are scored in the end."""
     if settings.journal is None:
         return Record(math.inf)
-    own = settings.journal.with_name(f"{settings.journal.stem}.{arm}{settings.journal.suffix}")
-    return Journal(settings.journal if arm == CONTEXT_DRIVEN else own, math.inf)
+    return Journal(settings.journal if arm == CONTEXT_DRIVEN else beside(settings.journal, arm), math.inf)
+
+
+def beside(journal: Path, arm: str) -> Path:
+    """Return where the journal of another arm goes."""
+    return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
 
 
 def _declare_all(manager: ContextManager[Any, Any]) -> None:
