@@ -10,6 +10,7 @@ import typer
 from codra_dsl.cli.console import ExitCode, existing, say, write_result
 
 if TYPE_CHECKING:
+    from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.recovery import Recovery
 
 JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
@@ -23,6 +24,37 @@ Target = Annotated[
     ),
 ]
 
+Kinds = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--kind",
+        metavar="KIND",
+        help="Only events of this kind, e.g. decision; may be repeated.  [default: all but input]",
+        show_default=False,
+    ),
+]
+About = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--about",
+        metavar="NAME",
+        help="Only events about this variable, observer or algorithm; may be repeated.",
+        show_default=False,
+    ),
+]
+
+Whats = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--what",
+        metavar="WHAT",
+        help="Only what happened like this, e.g. fell_back; may be repeated.",
+        show_default=False,
+    ),
+]
+
+_LINES_AT_ONCE = 1000
+
 journal_commands = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, context_settings={"help_option_names": ["-h", "--help"]}
 )
@@ -30,7 +62,7 @@ journal_commands = typer.Typer(
 
 @journal_commands.callback()
 def _journal() -> None:
-    """Mend the journal of a run that was killed."""
+    """Show the journal of a run, or mend that of one that was killed."""
 
 
 @journal_commands.command("recover")
@@ -52,6 +84,43 @@ def recover_command(file: JournalFile, *, output: Target = None) -> None:
         say(f"codra: cannot read '{file}' or write '{target}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error
     write_result(f"{target}: {_told(found)}\n")
+
+
+@journal_commands.command("show")
+def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, what: Whats = None) -> None:
+    """Print the events of a journal, one a line: the instant, what it is about, what happened, and the details."""
+    from codra_dsl.cli.journals import opened_journal, say_what_lacks
+    from codra_dsl.runtime.journal import Kind
+
+    existing([file])
+    names = [str(each) for each in Kind]
+    unknown = next((each for each in kind or () if each not in names), None)
+    if unknown is not None:
+        raise typer.BadParameter(f"'{unknown}' is none of {', '.join(names)}", param_hint="--kind")
+    wanted = frozenset(kind or (each for each in names if each != Kind.INPUT))
+    with opened_journal(file) as reader:
+        end_s, lines = reader.head().start_s, list[str]()
+        for event in reader.events():
+            end_s = event.instant_s
+            if (
+                event.kind in wanted
+                and event.name in (about or (event.name,))
+                and event.what in (what or (event.what,))
+            ):
+                lines.append(_line(event))
+            if len(lines) == _LINES_AT_ONCE:
+                write_result("".join(lines))
+                lines.clear()
+        write_result("".join(lines))
+        say_what_lacks(reader, end_s)
+
+
+def _line(event: Event) -> str:
+    from codra_dsl.runtime.journal.encoding import json_text
+    from codra_dsl.runtime.why.values import instant
+
+    details = {key: detail for key, detail in event.details.items() if detail != ""}
+    return f"{instant(event.instant_s)}  {event.kind} {event.name} {event.what}  {json_text(details)}\n"
 
 
 def _told(found: Recovery) -> str:

@@ -26,6 +26,8 @@ def opened_journal(path: Path) -> Iterator[JournalReader]:
     except JournalError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
+    except BrokenPipeError:  # of standard output, not of the journal
+        raise
     except OSError as error:
         say(f"codra: cannot read '{path}': {error.strerror or error}")
         raise typer.Exit(ExitCode.FAILED) from error

@@ -48,7 +48,12 @@ Out = Annotated[
 ]
 JournalOption = Annotated[
     Path | None,
-    typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
+    typer.Option(
+        "--journal",
+        metavar="FILE",
+        help="Write the run's journal, an MCAP file; with --naive also FILE's name with .naive in it.",
+        show_default=False,
+    ),
 ]
 
 _PROGRESS_EVERY_S = 10.0
@@ -84,6 +89,8 @@ def run_command(
         progress=_progress(),
         journal=None if journal is None else _writable(journal),
     )
+    if journal is not None and naive:
+        _writable(lab.beside(journal, lab.NAIVE))
     folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
     _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})

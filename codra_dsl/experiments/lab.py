@@ -91,7 +91,8 @@ class LabSettings:
         duration_s: how long; None for one whole loop.
         expect: whether the main execution says beforehand what comes next.
         progress: is told the present instant now and then.
-        journal: where the journal of the main execution's own observers goes, if anywhere.
+        journal: where the journal of the main execution's own observers goes, if anywhere; that of the naive arm goes
+            beside it, with the arm's name in its own.
     """
 
     seed: int = 1
@@ -156,9 +157,14 @@ def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
 
 def _record(arm: str, settings: LabSettings) -> Record:
     """Return what takes the events of an arm: all of them, since they are scored in the end."""
-    if settings.journal is None or arm != CONTEXT_DRIVEN:
+    if settings.journal is None:
         return Record(math.inf)
-    return Journal(settings.journal, math.inf)
+    return Journal(settings.journal if arm == CONTEXT_DRIVEN else beside(settings.journal, arm), math.inf)
+
+
+def beside(journal: Path, arm: str) -> Path:
+    """Return where the journal of another arm goes."""
+    return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
 
 
 def _declare_all(manager: ContextManager[Any, Any]) -> None:

@@ -86,6 +86,8 @@ class Observer:
 
     def obstacle(self, variable: str) -> str:
         """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
+        if self._failure is not None:
+            return f"{self.name} broke and rests: withdraw {variable} and declare it again"
         present = Present(self.surroundings.cells, self.surroundings.now_s())
         conditions = [branch.blocking_condition(present) for branch in self._branches_of[variable]]
         return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""

@@ -21,21 +21,16 @@ class Change:
 
     owner: str
     what: str
-    before: Rule | str | None
-    now: Rule | str | None
-
-    @property
-    def place(self) -> Place | None:
-        """Return where it stands now, or stood."""
-        return next((each.place for each in (self.now, self.before) if isinstance(each, Rule) and each.place), None)
+    before: Rule | None
+    now: Rule | None
 
     def __str__(self) -> str:
         return f"{self.owner}, {self.what}: {_shown(self.now)}, where it ran with {_shown(self.before)}"
 
 
-def _shown(said: Rule | str | None) -> str:
-    if not isinstance(said, Rule):
-        return said or "nothing"
+def _shown(said: Rule | None) -> str:
+    if said is None:
+        return "nothing"
     return said.text if said.place is None else f"{said.text} [{said.place}]"
 
 
@@ -56,50 +51,54 @@ def changes(before: Outline, now: Outline) -> Iterator[Change]:
         yield from _changed(*key, old.get(key, ()), new.get(key, ()))
 
 
-def _changed(owner: str, what: str, old: Sequence[Rule | str], new: Sequence[Rule | str]) -> Iterator[Change]:
-    gone = [each for each in old if _meaning(each) not in map(_meaning, new)]
-    come = [each for each in new if _meaning(each) not in map(_meaning, old)]
+def _changed(owner: str, what: str, old: Sequence[Rule], new: Sequence[Rule]) -> Iterator[Change]:
+    meant, means = {rule.python for rule in old}, {rule.python for rule in new}
+    gone = [rule for rule in old if rule.python not in means]
+    come = [rule for rule in new if rule.python not in meant]
     for was, is_now in zip_longest(gone, come):
         yield Change(owner=owner, what=what, before=was, now=is_now)
 
 
-def _meaning(said: Rule | str) -> str:
-    return said.python if isinstance(said, Rule) else said
-
-
-def _said(outline: Outline) -> Mapping[tuple[str, str], Sequence[Rule | str]]:
+def _said(outline: Outline) -> Mapping[tuple[str, str], Sequence[Rule]]:
     """Return all that decides what happens, by what it is said of and which setting it is."""
-    said: dict[tuple[str, str], Sequence[Rule | str]] = {}
+    said: dict[tuple[str, str], Sequence[Rule]] = {}
     for algorithm in outline.algorithms.values():
         said |= {(algorithm.name, what): rules for what, rules in _said_of(algorithm).items()}
     for variable in outline.variables.values():
-        said[variable.name, "type"] = (_type(variable.type),)
-        said[variable.name, "source"] = (" or ".join(variable.sources),)
-        said[variable.name, "valid_for"] = (f"{variable.valid_for_s:g} s",)
-        said[variable.name, "when_unobservable"] = (str(variable.when_unobservable),)
+        place = outline.places.get(f"context/{variable.name}")
+        said[variable.name, "type"] = _plain(_type(variable.type), place)
+        said[variable.name, "source"] = _plain(" or ".join(variable.sources), place)
+        said[variable.name, "valid_for"] = _plain(f"{variable.valid_for_s:g} s", place)
+        said[variable.name, "when_unobservable"] = _plain(str(variable.when_unobservable), place)
     for observer in outline.observers.values():
-        said[observer.name, "algorithms"] = (", ".join(observer.algorithms),)
-        said[observer.name, "period"] = (f"{observer.period_s:g} s",)
+        said[observer.name, "algorithms"] = _plain(", ".join(observer.algorithms), observer.place)
+        said[observer.name, "period"] = _plain(f"{observer.period_s:g} s", observer.place)
     for skill in outline.skills.values():
-        for what in ("preview", "monitor", "changes"):
-            said[skill.name, what] = tuple(map(str, getattr(skill, what)))
+        place = outline.places.get(f"skill/{skill.name}")
+        said[skill.name, "preview"] = _plain(", ".join(map(str, skill.preview)), place)
+        said[skill.name, "monitor"] = _plain(", ".join(map(str, skill.monitor)), place)
+        said[skill.name, "changes"] = _plain(", ".join(map(str, skill.changes)), place)
     return said
+
+
+def _said_of(algorithm: AlgorithmOutline) -> Mapping[str, Sequence[Rule]]:
+    return {
+        "observable_when": algorithm.conditions,
+        "accept_when": algorithm.accepts,
+        "timeout": _plain(f"{algorithm.timeout_s:g} s", algorithm.place),
+        **{f"identifies {variable}": (rule,) for variable, rule in algorithm.identifies.items()},
+        **{f"returns {name}": _plain(_type(kind), algorithm.place) for name, kind in algorithm.returns.items()},
+    }
+
+
+def _plain(text: str, place: Place | None) -> Sequence[Rule]:
+    return (Rule(python=text, said=text, place=place),)
 
 
 def _type(declared: ValueType) -> str:
     ends = "" if declared.range is None else f" from {declared.range[0]:g} to {declared.range[1]:g}"
     unit, members = f" {declared.unit}" if declared.unit else "", ", ".join(declared.members)
     return f"{'optional ' if declared.optional else ''}{declared.kind}{unit}{ends}{members and f' of {members}'}"
-
-
-def _said_of(algorithm: AlgorithmOutline) -> Mapping[str, Sequence[Rule | str]]:
-    return {
-        "observable_when": algorithm.conditions,
-        "accept_when": algorithm.accepts,
-        "timeout": (f"{algorithm.timeout_s:g} s",),
-        **{f"identifies {variable}": (rule,) for variable, rule in algorithm.identifies.items()},
-        **{f"returns {name}": (_type(declared),) for name, declared in algorithm.returns.items()},
-    }
 
 
 def _upstream(names: Iterable[str], *outlines: Outline) -> Sequence[str]:

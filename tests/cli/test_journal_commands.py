@@ -141,8 +141,11 @@ def test_why_looks_at_the_end_of_the_run_before_its_observers_stopped(project: P
             ["door_opn", "--journal", "run.mcap"],
             "the spec has no context-variable 'door_opn': did you mean 'door_open'?",
         ),
-        (["door_open", "--journal", "run.mcap", "--at", "soon"], "'soon' is no instant such as '31.5' or '+2 min'"),
-        (["door_open", "--journal", "run.mcap", "--at", "99"], "the journal holds 0 s to 7.500 s, not 99 s"),
+        (
+            ["door_open", "--journal", "run.mcap", "--at", "soon"],
+            "'soon' is no instant such as '31.5', '+2 min', or '2030-01-31 03:12:05' in UTC",
+        ),
+        (["door_open", "--journal", "run.mcap", "--at", "99"], "the journal holds 0 s to 7.5 s, not 99 s"),
         (["door_open", "--journal", "run.mcap", "--at", "nan"], "'nan' is no instant"),
         (["door_open", "--journal", "missing.mcap"], "'missing.mcap' does not exist"),
         (["door_open"], "Missing option '--journal'"),
@@ -153,6 +156,49 @@ def test_what_cannot_be_asked_is_a_mistake_of_usage(project: Path, arguments: li
 
     assert (done.returncode, done.stdout) == (2, "")
     assert told in " ".join(done.stderr.split())
+
+
+def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
+    all_of_it = codra("journal", "show", "run.mcap", cwd=project)
+    decisions = codra("journal", "show", "run.mcap", "--kind", "decision", cwd=project)
+    about = codra("journal", "show", "run.mcap", "--about", "door_near", "--about", "light_level", cwd=project)
+
+    assert decisions.stdout == (
+        '4 s  decision door_open answered  {"value":true,"asked_s":4.0,"source":"look_at_door"}\n'
+    )
+    assert decisions.stdout in all_of_it.stdout
+    assert [line.split("  ")[1] for line in about.stdout.splitlines()] == [
+        "variable light_level identified",
+        "variable door_near identified",
+    ]
+    assert "input" not in {line.split("  ")[1].split()[0] for line in all_of_it.stdout.splitlines()}
+    refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
+    assert refused.returncode == 2
+    assert "'descision' is none of variable, observer, job, decision, declaration, input" in " ".join(
+        refused.stderr.split()
+    )
+
+
+def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> None:
+    """A run whose clock shows the seconds since 1970."""
+    elsewhere = copied(project, tmp_path)
+    program = PROGRAM.replace("SimClock()", "SimClock(1_795_245_600.0)")
+    (elsewhere / "program.py").write_text(program)
+    subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=elsewhere, check=True)
+    told = {
+        codra("why", "door_near", "--journal", "run.mcap", "--at", at, cwd=elsewhere).stdout
+        for at in (
+            "+3",
+            "1795245603",
+            "2026-11-21 07:20:03",
+            "2026-11-21T08:20:03+01:00",
+            "2026-11-21 07:20:03.000 UTC",
+        )
+    }
+
+    assert [text.splitlines()[0] for text in told] == [
+        "door_near is true at 2026-11-21 07:20:03.000 UTC  [specs/door.yaml:7]"
+    ]
 
 
 # Replay
@@ -246,7 +292,7 @@ def test_a_torn_journal_is_told_read_and_mended(project: Path, tmp_path: Path) -
 
     why = codra("why", "door_open", "--journal", "torn.mcap", cwd=elsewhere)
     assert why.returncode == 0
-    assert why.stderr == "codra: 'torn.mcap' lacks its end: it holds what happened up to 7.500 s\n"
+    assert why.stderr == "codra: 'torn.mcap' lacks its end: it holds what happened up to 7.5 s\n"
     done = codra("journal", "recover", "torn.mcap", cwd=elsewhere)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.startswith("torn.recovered.mcap: ")
@@ -291,6 +337,18 @@ def test_a_run_in_the_laboratory_is_derived_again_from_its_journal(tmp_path: Pat
     assert (done.returncode, done.stderr) == (0, "")
     contents = [(tmp_path / name).read_bytes() for name in ("a.mcap", "b.mcap", "c.mcap")]
     assert contents[0] == contents[1] == contents[2]
+
+
+def test_the_naive_arm_writes_a_journal_of_its_own(tmp_path: Path) -> None:
+    files = ("--journal", f"{tmp_path}/run.mcap", "--out", f"{tmp_path}/out")
+    assert codra("run", "specs/lab.yaml", "--naive", "--for", "4 s", *files, cwd=ROOT).returncode == 0
+    own, naive = (
+        codra("journal", "show", f"{tmp_path}/{name}", "--kind", "job", "--what", "started", cwd=ROOT).stdout
+        for name in ("run.mcap", "run.naive.mcap")
+    )
+
+    assert "job localize_centrifuge_lid started" in naive
+    assert "job localize_centrifuge_lid started" not in own
 
 
 def test_a_journal_that_cannot_be_made_is_refused_before_the_run(tmp_path: Path) -> None:

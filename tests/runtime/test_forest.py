@@ -207,6 +207,8 @@ def test_a_tree_that_raises_rests_and_the_others_go_on() -> None:
         assert (reading.reason, reading.detail) == (Reason.FAILED, "KeyError: 'broken'")
         assert manager.get("b").age_s(clock.now_s()) == 0
         assert events(manager, Kind.OBSERVER, "broken") == ["started", "failed"]
+        assert manager.obstacle("a") == "broken broke and rests: withdraw a and declare it again"
+        assert "missing: withdraw a and declare it again: broken broke and rests" in str(manager.why("a"))
         manager.withdraw("a")
         manager.declare("a")
         clock.sleep(0)

@@ -292,6 +292,29 @@ def test_a_flipped_byte_costs_what_it_hits_and_never_a_crash(whole: Whole, place
     assert found == everything or reader.damage.unread or reader.damage.is_torn
 
 
+@drawn(data=st.data(), edit=st.sampled_from(["change", "cut out", "put in"]))
+@settings(max_examples=150)
+def test_a_damaged_start_is_told_and_never_read_as_another(whole: Whole, data: st.DataObject, edit: str) -> None:
+    content = bytearray(whole.path.read_bytes()[:300_000])
+    end = content.index(bytes([OPEN_CHUNK]) + CHUNK_BYTES.to_bytes(8, "little"))
+    at = data.draw(st.integers(0, end - 1))
+    if edit == "change":
+        content[at] = data.draw(st.integers(0, 255))
+    elif edit == "cut out":
+        del content[at : at + data.draw(st.integers(1, 60))]
+    else:
+        content[at:at] = data.draw(st.binary(min_size=1, max_size=60))
+    damaged = whole.path.with_name("start.mcap")
+    damaged.write_bytes(content)
+    try:
+        with JournalReader(damaged) as reader:
+            outline = reader.head().outline
+    except JournalError:
+        return
+    with JournalReader(whole.path) as reader:
+        assert outline == reader.head().outline
+
+
 def test_a_chunk_that_cannot_be_read_is_told_with_what_is_lost(long_run: Path, tmp_path: Path) -> None:
     whole = bytearray(long_run.read_bytes())
     second = [each for each in records(long_run) if isinstance(each, Chunk)][1]

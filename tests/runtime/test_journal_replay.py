@@ -64,11 +64,12 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
     assert set(found.derived) == set(Kind) - {Kind.INPUT}
 
 
-def test_variables_and_decisions_come_back_from_a_journal_without_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("absent", [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB}])
+def test_what_a_journal_lacks_comes_back_from_inputs_and_evidence(tmp_path: Path, absent: set[Kind]) -> None:
     run_door(tmp_path / "run.mcap", loops=9)
 
-    found = replayed(tmp_path / "run.mcap", MODEL, lambda event: event.kind not in (Kind.VARIABLE, Kind.DECISION))
-    assert (found.difference, set(found.absent)) == (None, {Kind.VARIABLE, Kind.DECISION})
+    found = replayed(tmp_path / "run.mcap", MODEL, lambda event: event.kind not in absent)
+    assert (found.difference, set(found.absent)) == (None, absent)
     assert (tmp_path / "run.again").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 

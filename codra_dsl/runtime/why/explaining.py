@@ -180,9 +180,10 @@ class _Explanation:
             return
         last = then.ledger.observers.get(observer.name)
         if last is None or last.what != "started":
-            yield Missing(
-                variable=name, condition=f"declare {name}: {observer.name} does not run", place=observer.place
-            )
+            is_broken = last is not None and last.what == "failed"
+            again = f"withdraw {name} and declare it again: {observer.name} broke and rests"
+            condition = again if is_broken else f"declare {name}: {observer.name} does not run"
+            yield Missing(variable=name, condition=condition, place=observer.place)
         yield from min((way.missing for way in ways), key=len, default=())
 
 
