@@ -180,7 +180,7 @@ def _of_decision(kind: str) -> tuple[str, Field]:
         found=_field(_JSON_TYPES[kind], "What the main execution saw itself."),
         kept=_field("boolean", "Whether that was kept as evidence."),
         agrees=_field("boolean", "Whether that is what context held."),
-        raised=_field("string", "The error that looking raised."),
+        raised=_field("string", "The error that looking raised, or why the decision was given up."),
     )
 
 
@@ -227,7 +227,7 @@ def _of_input() -> tuple[str, Field]:
         since_s=_field("number", "Evidence from before this instant does not do."),
         wait_up_to_s=_field("number", "How long the decision waits for observers."),
         shadow=_field("boolean", "Whether the main execution looks in any case."),
-        raised=_field("string", "The error that looking raised."),
+        raised=_field("string", "The error that looking raised, or why the decision was given up."),
         resources=_list("string", "The resources whose slots are wanted."),
         index=_field("integer", "The number of the job."),
         told_s=_field("number", "When the job said so."),
