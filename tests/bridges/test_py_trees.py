@@ -13,7 +13,8 @@ from py_trees.composites import Parallel, Selector, Sequence
 from py_trees.trees import BehaviourTree
 
 from codra_dsl.bridges.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting
-from codra_dsl.runtime import Kind, SimClock, UnknownNameError
+from codra_dsl.runtime import ContextManager, ContextModel, Kind, SimClock, UnknownNameError
+from codra_dsl.runtime.model import VariableModel, real
 from tests.runtime.door import Door, Manager, started
 
 TICK_S = 0.1
@@ -123,6 +124,19 @@ def test_a_condition_takes_old_evidence_for_unknown() -> None:
 
         assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is Status.SUCCESS
         assert ticked(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
+
+
+def test_a_condition_on_a_number_wants_to_know_which_will_do() -> None:
+    gap = VariableModel(name="gap", type=real(), sources=("main_execution",))
+    model = ContextModel(name="gap", variables=(gap,), observers=())
+    clock = SimClock()
+    with ContextManager[str, str](model, clock=clock, resources={}) as manager:
+        manager.set("gap", 0.4)
+        tree = tree_of(ContextIs("wide?", "gap", holds=lambda gap: gap > 0.3), manager, clock)
+        assert ticked(tree, clock) is Status.SUCCESS
+
+        with pytest.raises(TypeError, match="holds=lambda value"):
+            tree_of(ContextIs("wide?", "gap"), manager, clock).tick()
 
 
 def test_a_condition_may_say_which_value_will_do() -> None:

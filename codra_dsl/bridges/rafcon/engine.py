@@ -86,7 +86,9 @@ def run_in_real_time(
 
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
+        RuntimeError: if another state machine runs: RAFCON has one engine a process.
     """
+    _check_idle()
     with Bridge(codra, clock, answers=answers).attached(machine), _handed(handles or {}):
         state_machine_execution_engine.start(machine.state_machine_id)
         try:
@@ -114,11 +116,13 @@ def run_in_simulated_time(
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
         ValueError: if states of the machine run side by side.
+        RuntimeError: if another state machine runs.
     """
     side_by_side = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
     if side_by_side:
         path = side_by_side[0].get_path()
         raise ValueError(f"{path} runs states side by side, and simulated time has one thread: use run_in_real_time")
+    _check_idle()
     hand_over = HandOver()
     handed = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
     with Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine), _handed(handed):
@@ -144,6 +148,11 @@ def _handed(handles: Mapping[str, object]) -> Iterator[None]:
     finally:
         for name in handles:
             global_variable_manager.delete_variable(name)
+
+
+def _check_idle() -> None:
+    if not state_machine_execution_engine.finished_or_stopped():
+        raise RuntimeError("RAFCON runs another state machine, and has one engine a process: let that one end first")
 
 
 def _end_when_done(hand_over: HandOver) -> None:

@@ -285,6 +285,20 @@ def test_a_closed_context_manager_aborts_the_state_that_asks_it() -> None:
     assert "closed" in str(ended.error)
 
 
+def test_a_second_state_machine_is_refused_while_one_runs() -> None:
+    class Twice(Robot):
+        def drive(self) -> str:
+            with machine_of(script("pull")) as second:
+                run_in_simulated_time(second, self.manager, self.clock)
+            return "success"
+
+    with started(Door()) as (manager, clock), machine_of(script("drive")) as machine:
+        ended = run_in_simulated_time(machine, manager, clock, handles={"robot": Twice(clock, manager, Door())})
+
+    assert ended.outcome == "aborted"
+    assert "one engine a process" in str(ended.error)
+
+
 def test_the_library_is_what_rafcon_saves(tmp_path: Path) -> None:
     """Saved again, it has the same bytes."""
     libraries = Path(__file__).parents[3] / "codra_dsl/bridges/rafcon/libraries/codra"
