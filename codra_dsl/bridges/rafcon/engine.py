@@ -52,7 +52,13 @@ def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[
         libraries: that the state machine uses.
     """
     register(libraries)
-    machine = load_state_machine_from_path(str(folder))
+    with entered(load_state_machine_from_path(str(folder))) as machine:
+        yield machine
+
+
+@contextmanager
+def entered(machine: StateMachine) -> Iterator[StateMachine]:
+    """Make a state machine that was not loaded one that can be run, until the end of the `with` statement."""
     state_machine_manager.add_state_machine(machine)
     try:
         yield machine
@@ -78,7 +84,7 @@ def run_in_real_time(
     """Run a state machine whose states decide on context, each in its own thread; return when it has ended.
 
     Args:
-        machine: an `opened` one.
+        machine: an `opened` or `entered` one.
         codra: what its states ask.
         clock: the one that `codra` was started with.
         handles: what scripts find as global variables, by name: the robot, for instance.

@@ -8,12 +8,11 @@ import pytest
 from rafcon.core.singleton import state_machine_execution_engine
 from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
 from rafcon.core.states.library_state import LibraryState
-from rafcon.core.storage.storage import load_state_machine_from_path, save_state_machine_to_path
+from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
 
 from codra_dsl.bridges.rafcon import (
     AnnotationError,
     Answers,
-    opened,
     register,
     run_in_real_time,
     run_in_simulated_time,
@@ -177,15 +176,6 @@ def test_the_library_expects_and_sets() -> None:
 # Files and time
 
 
-def test_what_states_say_is_saved_with_them(tmp_path: Path) -> None:
-    with machine_of(script("look", says=DECIDE)) as machine:
-        save_state_machine_to_path(machine, str(tmp_path / "machine"))
-    with opened(tmp_path / "machine") as again, started(Door()) as (manager, clock):
-        manager.declare("open", value=True)
-
-        assert run_in_simulated_time(again, manager, clock).outcome == "true"
-
-
 def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) -> None:
     for path in (tmp_path / "a.mcap", tmp_path / "b.mcap"):
         door, clock = Door(), SimClock()
@@ -299,15 +289,6 @@ def test_a_second_state_machine_is_refused_while_one_runs() -> None:
     assert "one engine a process" in str(ended.error)
 
 
-def test_the_library_is_what_rafcon_saves(tmp_path: Path) -> None:
-    """Saved again, it has the same bytes."""
-    libraries = Path(__file__).parents[3] / "codra_dsl/bridges/rafcon/libraries/codra"
-    for folder in sorted(libraries.iterdir()):
-        save_state_machine_to_path(load_state_machine_from_path(str(folder)), str(tmp_path / folder.name), as_copy=True)
-        for path in sorted(folder.iterdir()):
-            assert (tmp_path / folder.name / path.name).read_bytes() == path.read_bytes()
-
-
 BEGIN = """from contextlib import ExitStack
 
 from codra_dsl.bridges.rafcon import Bridge
@@ -340,3 +321,33 @@ def test_a_state_can_attach_the_bridge_and_another_close_it_when_rafcon_itself_s
         assert machine.root_state.final_outcome.name == "success"
         assert look.final_outcome.name == "true", "there is no robot, so it can only have been left out"
         assert "run" not in vars(look)
+
+
+WAIT = """def execute(self, inputs, outputs, gvm):
+    self.preemptive_wait(60)
+    return "success"
+"""
+BRIEFLY = """def execute(self, inputs, outputs, gvm):
+    self.preemptive_wait(0.3)
+    outputs["declared"] = sorted(gvm.get_variable("manager").declared())
+    return "success"
+"""
+
+
+def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_skill_is_withdrawn() -> None:
+    wait, briefly = script("wait", says={"skill": "open_door"}), script("briefly", says={"skill": "drive"})
+    wait.script_text, briefly.script_text = WAIT, BRIEFLY
+    briefly.add_output_data_port("declared", list, [], 0)
+    both = PreemptiveConcurrencyState("both", state_id="BOTH")
+    for state in (wait, briefly):
+        both.add_state(state)
+        both.add_transition(state.state_id, 0, both.state_id, 0)
+    with WallClock(start_s=0.0) as clock, machine_of(both) as machine:
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        ended = run_in_real_time(machine, manager, clock, handles={"manager": manager})
+        left = manager.declared()
+        manager.close()
+
+    assert (ended.outcome, wait.final_outcome.name) == ("success", "preempted")
+    assert briefly.output_data["declared"] == ["near", "open"]
+    assert left == frozenset()
