@@ -152,6 +152,8 @@ class Bridge:
         stack.callback(self._do, under_way.close)
 
     def _enter_action(self, name: str, stack: ExitStack) -> None:
+        if name not in self._begun:
+            raise RuntimeError(f"skill {name!r} is not under way: attach the bridge before it begins")
         skill, under_way = self._begun[name], ExitStack()
 
         def end() -> None:
@@ -162,6 +164,8 @@ class Bridge:
         stack.callback(self._do, end)
 
     def _look_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
+        state.preempted = False  # as it was left by an earlier run; `run` itself begins so
+        state.state_execution_status = StateExecutionStatus.ACTIVE
         question = self._asked(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
         if question.step is Step.ANSWERED:
             self._leave_out(state, annotation.outcome_of(question.value))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rafcon.core.singleton import state_machine_execution_engine
+from rafcon.core.singleton import global_variable_manager, state_machine_execution_engine
 from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
 from rafcon.core.states.library_state import LibraryState
 from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
@@ -92,6 +92,15 @@ def test_a_whole_state_of_states_need_not_run_either() -> None:
     ended, robot = run(sequence("looks", script("look", says={**DECIDE}), says=DECIDE), before=known(True))
 
     assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
+
+
+def test_a_state_of_a_library_need_not_run_either() -> None:
+    register()
+    state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
+    state.add_semantic_data([], DECIDE, "codra")
+    ended, robot = run(state, before=known(False))
+
+    assert (ended.outcome, decisions(robot)) == ("false", ["answered"])
 
 
 def test_an_outcome_that_says_no_value_means_that_nothing_was_found() -> None:
@@ -223,11 +232,15 @@ def execute(self, inputs, outputs, gvm):
 """
     look = script("look", says={**DECIDE, "wait_up_to_s": "3600"})
     with WallClock(start_s=0.0) as clock, machine_of(stop, look) as machine:
-        with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}) as manager:
-            ended = run_in_real_time(machine, manager, clock)
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        ended = run_in_real_time(machine, manager, clock)
         (event,) = manager.record.of(Kind.DECISION)
+        assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
 
-    assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
+        stop.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'success'\n"
+        manager.declare("open", value=True)
+        assert run_in_real_time(machine, manager, clock).outcome == "true", "it can be run again"
+        manager.close()
 
 
 # Mistakes
@@ -351,3 +364,15 @@ def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_ski
     assert (ended.outcome, wait.final_outcome.name) == ("success", "preempted")
     assert briefly.output_data["declared"] == ["near", "open"]
     assert left == frozenset()
+
+
+def test_an_action_whose_skill_began_before_the_bridge_was_attached_says_so() -> None:
+    begin, act = script("begin"), script("pull", says={"acting": "open_door"})
+    begin.script_text = BEGIN
+    with machine_of(sequence("open", begin, act, says={"skill": "open_door"})) as machine:
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+        global_variable_manager.get_variable("at_the_end").close()
+
+        assert act.final_outcome.name == "aborted"
+        assert "attach the bridge before it begins" in str(act.output_data["error"])
