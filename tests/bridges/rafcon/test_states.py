@@ -238,7 +238,8 @@ def execute(self, inputs, outputs, gvm):
         assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
 
         stop.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'success'\n"
-        manager.declare("open", value=True)
+        look.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'true'\n"
+        look.semantic_data = {"codra": DECIDE}
         assert run_in_real_time(machine, manager, clock).outcome == "true", "it can be run again"
         manager.close()
 
