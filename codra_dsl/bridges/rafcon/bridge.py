@@ -112,7 +112,7 @@ class Bridge:
         question = self._asked(state, variable, wait_up_to_s, max_age_s)
         if question.step is Step.ANSWERED:
             return value_text(question.value)
-        self._do(lambda: question.abandon("preempted") if state.preempted else question.found(None))
+        self._do(lambda: question.abandon("preempted") if _is_preempted(state) else question.found(None))
         return None
 
     # What annotated states do
@@ -170,7 +170,7 @@ class Bridge:
         if question.step is Step.ANSWERED:
             self._leave_out(state, annotation.outcome_of(question.value))
             return
-        if state.preempted:
+        if _is_preempted(state):
             self._do(lambda: question.abandon("preempted"))
             self._finish(state, _PREEMPTED)
             return
@@ -195,7 +195,7 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while question.step is Step.WAITING and not state.preempted:
+        while question.step is Step.WAITING and not _is_preempted(state):
             self._do(lambda: question.wait(_SLICE_S))
         return question
 
@@ -213,3 +213,9 @@ class Bridge:
     def _finish(self, state: State, outcome: int) -> None:
         state.state_execution_status = StateExecutionStatus.WAIT_FOR_NEXT_STATE
         state.finalize(state.outcomes[outcome])
+
+
+def _is_preempted(state: State) -> bool:
+    """Return whether a state is to stop, or one around it: RAFCON tells those that begin just then nothing."""
+    around = state.parent
+    return bool(state.preempted) or (isinstance(around, State) and _is_preempted(around))

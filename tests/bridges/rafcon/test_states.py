@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from rafcon.core.singleton import global_variable_manager, state_machine_executi
 from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
 from rafcon.core.states.library_state import LibraryState
 from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
+from rafcon.core.states.state import StateExecutionStatus
 
 from codra_dsl.bridges.rafcon import (
     AnnotationError,
@@ -221,23 +223,20 @@ def test_a_program_that_is_interrupted_stops_its_state_machine() -> None:
 
 
 def test_in_real_time_states_ask_from_threads_of_their_own_and_a_wait_can_be_preempted() -> None:
-    stop = script("stop", says={"skill": "drive"})
-    stop.script_text = """import threading
-from rafcon.core.singleton import state_machine_execution_engine
-
-
-def execute(self, inputs, outputs, gvm):
-    threading.Timer(0.2, state_machine_execution_engine.stop).start()
-    return "success"
-"""
     look = script("look", says={**DECIDE, "wait_up_to_s": "3600"})
-    with WallClock(start_s=0.0) as clock, machine_of(stop, look) as machine:
+
+    def stop() -> None:
+        while look.state_execution_status is not StateExecutionStatus.ACTIVE:
+            threading.Event().wait(0.01)
+        state_machine_execution_engine.stop()
+
+    with WallClock(start_s=0.0) as clock, machine_of(look) as machine:
         manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        threading.Thread(target=stop, daemon=True).start()
         ended = run_in_real_time(machine, manager, clock)
         (event,) = manager.record.of(Kind.DECISION)
         assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
 
-        stop.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'success'\n"
         look.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'true'\n"
         look.semantic_data = {"codra": DECIDE}
         assert run_in_real_time(machine, manager, clock).outcome == "true", "it can be run again"
@@ -342,8 +341,10 @@ WAIT = """def execute(self, inputs, outputs, gvm):
     return "success"
 """
 BRIEFLY = """def execute(self, inputs, outputs, gvm):
-    self.preemptive_wait(0.3)
-    outputs["declared"] = sorted(gvm.get_variable("manager").declared())
+    manager = gvm.get_variable("manager")
+    while "open" not in manager.declared():
+        self.preemptive_wait(0.01)
+    outputs["declared"] = sorted(manager.declared())
     return "success"
 """
 
