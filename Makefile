@@ -39,7 +39,7 @@ rafcon: $(RAFCON_READY)
 
 test: lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses auto --dist loadfile
 	$(RAFCON)/bin/python -m pytest tests/bridges/rafcon
 
 lint: $(READY)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -25,7 +26,33 @@ def renew_cases(pytestconfig: pytest.Config) -> bool:
     return bool(pytestconfig.getoption("--renew-cases"))
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+_FRAMES = "frames_rendered"
+
+
+def _frames_rendered() -> int:
     camera = sys.modules.get("codra_dsl.worlds.lab.camera")
-    if camera is not None:
-        terminalreporter.write_sep("-", f"{camera.frames_rendered()} frames of the lab rendered")
+    return 0 if camera is None else int(camera.frames_rendered())
+
+
+class FramesOfWorkers:
+    """Adds up what the processes rendered among which the tests were divided."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        self.frames += getattr(node, "workeroutput", {}).get(_FRAMES, 0)
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if frames := self.frames + _frames_rendered():
+            terminalreporter.write_sep("-", f"{frames} frames of the lab rendered")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.pluginmanager.register(FramesOfWorkers())
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput[_FRAMES] = _frames_rendered()
