@@ -1,6 +1,6 @@
 """Draws the state machine by RAFCON's own API and saves it: `python -m examples.rafcon_lab.drawing`.
 
-RAFCON's editor opens what it saves, `tend_pcr_cycler`, as well.
+RAFCON's editor opens what it saves, `tend_pcr_cycler`, as well. RAFCON 2.5.2 cannot save on Python 3.13.
 """
 
 from __future__ import annotations
@@ -90,16 +90,16 @@ def hierarchy(
         whole.add_semantic_data([], dict(codra), "codra")
     for state in states:
         whole.add_state(state)
-    whole.set_start_state(states[0])
+    whole.add_transition(None, None, states[0].state_id, None, transition_id=0)
     by_name = {state.name: state for state in states}
     ends = {DONE: 0, GAVE_UP: 1}
-    for (begin, outcome), end in ways.items():
+    for way, ((begin, outcome), end) in enumerate(ways.items(), start=1):
         from_state = by_name[begin]
         number = next(number for number, each in from_state.outcomes.items() if each.name == outcome)
         if end in ends:
-            whole.add_transition(from_state.state_id, number, whole.state_id, ends[end])
+            whole.add_transition(from_state.state_id, number, whole.state_id, ends[end], way)
         else:
-            whole.add_transition(from_state.state_id, number, by_name[end].state_id, None)
+            whole.add_transition(from_state.state_id, number, by_name[end].state_id, None, way)
     return whole
 
 
@@ -123,7 +123,7 @@ def knowing_where(name: str) -> HierarchyState:
             ("Look around", "success"): "Feel",
         },
     )
-    whole.add_data_flow(feel.state_id, 0, tell.state_id, 1)
+    whole.add_data_flow(feel.state_id, 0, tell.state_id, 1, data_flow_id=0)
     return whole
 
 

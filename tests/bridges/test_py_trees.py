@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Success
 from py_trees.common import ParallelPolicy, Status
@@ -13,7 +15,8 @@ from py_trees.composites import Parallel, Selector, Sequence
 from py_trees.trees import BehaviourTree
 
 from codra_dsl.bridges.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting
-from codra_dsl.runtime import Kind, SimClock, UnknownNameError
+from codra_dsl.runtime import ContextManager, ContextModel, Kind, SimClock, UnknownNameError
+from codra_dsl.runtime.model import VariableModel, real
 from tests.runtime.door import Door, Manager, started
 
 TICK_S = 0.1
@@ -123,6 +126,19 @@ def test_a_condition_takes_old_evidence_for_unknown() -> None:
 
         assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is Status.SUCCESS
         assert ticked(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
+
+
+def test_a_condition_on_a_number_wants_to_know_which_will_do() -> None:
+    gap = VariableModel(name="gap", type=real(), sources=("main_execution",))
+    model = ContextModel(name="gap", variables=(gap,), observers=())
+    clock = SimClock()
+    with ContextManager[str, str](model, clock=clock, resources={}) as manager:
+        manager.set("gap", 0.4)
+        tree = tree_of(ContextIs("wide?", "gap", holds=lambda gap: gap > 0.3), manager, clock)
+        assert ticked(tree, clock) is Status.SUCCESS
+
+        with pytest.raises(TypeError, match="holds=lambda value"):
+            tree_of(ContextIs("wide?", "gap"), manager, clock).tick()
 
 
 def test_a_condition_may_say_which_value_will_do() -> None:
@@ -392,3 +408,71 @@ def test_a_tree_without_a_context_manager_is_told_how_to_get_one() -> None:
         BehaviourTree(ContextIs("open?", "open")).setup()
     with pytest.raises(RuntimeError, match=r"call tree.setup\(codra=codra, clock=clock\)"):
         BehaviourTree(ContextIs("open?", "open")).tick()
+
+
+# Any tree
+
+WHOSE = {"drive": {"near"}, "open_door": {"open", "near"}}
+"""What each skill previews and monitors."""
+
+Shape = tuple[object, ...]
+LEAVES = st.tuples(
+    st.just("takes"), st.sampled_from([0.0, 0.3, 1.0]), st.sampled_from([Status.SUCCESS, Status.FAILURE])
+)
+WITHIN_SKILLS = st.recursive(
+    LEAVES | st.just(("urgent",)) | st.just(("is",)),
+    lambda shapes: st.one_of(
+        st.tuples(
+            st.sampled_from(["sequence", "selector", "parallel", "reactive"]), st.lists(shapes, min_size=1, max_size=3)
+        ),
+        st.tuples(st.sampled_from(["skill drive", "skill open_door", "acting", "decide"]), shapes),
+    ),
+    max_leaves=8,
+)
+
+
+def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
+    """The tree of a shape; what is urgent in it is noted."""
+    what, *rest = shape
+    match what:
+        case "takes":
+            return Takes("takes", clock, *rest)
+        case "urgent":
+            urgent.append(Urgent())
+            return urgent[-1]
+        case "is":
+            return ContextIs("is", "open", wait_up_to_s=0.5)
+        case "acting":
+            return Acting("acting", built(rest[0], clock, urgent))
+        case "decide":
+            return Decide("decide", built(rest[0], clock, urgent), "open", found=lambda: True, wait_up_to_s=0.2)
+        case "skill drive" | "skill open_door":
+            return DuringSkill(what, built(rest[0], clock, urgent), what.removeprefix("skill "))
+    children = [built(each, clock, urgent) for each in rest[0]]
+    if what == "parallel":
+        return Parallel(what, policy=ParallelPolicy.SuccessOnAll(synchronise=False), children=children)
+    composite = Selector if what == "selector" else Sequence
+    return composite(what, memory=what != "reactive", children=children)
+
+
+@given(shape=WITHIN_SKILLS, switches=st.lists(st.tuples(st.integers(0, 7), st.booleans()), min_size=1, max_size=12))
+def test_whatever_a_tree_does_exactly_the_skills_that_run_are_declared(
+    shape: Shape, switches: list[tuple[int, bool]]
+) -> None:
+    with started(Door(angle_rad=1.0)) as (manager, clock):
+        urgent: list[Urgent] = []
+        root = DuringSkill("root", built(shape, clock, urgent), "drive")
+        tree = tree_of(root, manager, clock)
+        for which, holds in switches:
+            for one in urgent[which : which + 1]:
+                one.holds = holds
+            tree.tick()
+            clock.sleep(TICK_S)
+            running = [
+                node for node in root.iterate() if isinstance(node, DuringSkill) and node.status is Status.RUNNING
+            ]
+            assert manager.declared() == {name for node in running for name in WHOSE[node.begun.model.name]}
+        root.stop(Status.INVALID)
+
+        assert manager.declared() == frozenset()
+        assert manager.running() == frozenset()

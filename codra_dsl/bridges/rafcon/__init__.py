@@ -11,7 +11,15 @@ from __future__ import annotations
 
 from codra_dsl.bridges.rafcon.annotations import AnnotationError
 from codra_dsl.bridges.rafcon.bridge import Answers, Bridge
-from codra_dsl.bridges.rafcon.engine import LIBRARIES, Ended, opened, register, run_in_real_time, run_in_simulated_time
+from codra_dsl.bridges.rafcon.engine import (
+    LIBRARIES,
+    Ended,
+    entered,
+    opened,
+    register,
+    run_in_real_time,
+    run_in_simulated_time,
+)
 
 __all__ = [
     "LIBRARIES",
@@ -19,6 +27,7 @@ __all__ = [
     "Answers",
     "Bridge",
     "Ended",
+    "entered",
     "opened",
     "register",
     "run_in_real_time",

@@ -112,7 +112,7 @@ class Bridge:
         question = self._asked(state, variable, wait_up_to_s, max_age_s)
         if question.step is Step.ANSWERED:
             return value_text(question.value)
-        self._do(lambda: question.abandon("preempted") if state.preempted else question.found(None))
+        self._do(lambda: question.abandon("preempted") if _is_preempted(state) else question.found(None))
         return None
 
     # What annotated states do
@@ -152,6 +152,8 @@ class Bridge:
         stack.callback(self._do, under_way.close)
 
     def _enter_action(self, name: str, stack: ExitStack) -> None:
+        if name not in self._begun:
+            raise RuntimeError(f"skill {name!r} is not under way: attach the bridge before it begins")
         skill, under_way = self._begun[name], ExitStack()
 
         def end() -> None:
@@ -162,11 +164,13 @@ class Bridge:
         stack.callback(self._do, end)
 
     def _look_unless_known(self, state: State, annotation: Annotation, look: Callable[[], None]) -> None:
+        state.preempted = False  # as it was left by an earlier run; `run` itself begins so
+        state.state_execution_status = StateExecutionStatus.ACTIVE
         question = self._asked(state, annotation.decide, annotation.wait_up_to_s, annotation.max_age_s)
         if question.step is Step.ANSWERED:
             self._leave_out(state, annotation.outcome_of(question.value))
             return
-        if state.preempted:
+        if _is_preempted(state):
             self._do(lambda: question.abandon("preempted"))
             self._finish(state, _PREEMPTED)
             return
@@ -191,7 +195,7 @@ class Bridge:
                 shadow=self._answers is Answers.SHADOW,
             )
         )
-        while question.step is Step.WAITING and not state.preempted:
+        while question.step is Step.WAITING and not _is_preempted(state):
             self._do(lambda: question.wait(_SLICE_S))
         return question
 
@@ -209,3 +213,9 @@ class Bridge:
     def _finish(self, state: State, outcome: int) -> None:
         state.state_execution_status = StateExecutionStatus.WAIT_FOR_NEXT_STATE
         state.finalize(state.outcomes[outcome])
+
+
+def _is_preempted(state: State) -> bool:
+    """Return whether a state is to stop, or one around it: RAFCON tells those that begin just then nothing."""
+    around = state.parent
+    return bool(state.preempted) or (isinstance(around, State) and _is_preempted(around))

@@ -52,7 +52,13 @@ def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[
         libraries: that the state machine uses.
     """
     register(libraries)
-    machine = load_state_machine_from_path(str(folder))
+    with entered(load_state_machine_from_path(str(folder))) as machine:
+        yield machine
+
+
+@contextmanager
+def entered(machine: StateMachine) -> Iterator[StateMachine]:
+    """Make a state machine that was not loaded one that can be run, until the end of the `with` statement."""
     state_machine_manager.add_state_machine(machine)
     try:
         yield machine
@@ -78,7 +84,7 @@ def run_in_real_time(
     """Run a state machine whose states decide on context, each in its own thread; return when it has ended.
 
     Args:
-        machine: an `opened` one.
+        machine: an `opened` or `entered` one.
         codra: what its states ask.
         clock: the one that `codra` was started with.
         handles: what scripts find as global variables, by name: the robot, for instance.
@@ -86,7 +92,9 @@ def run_in_real_time(
 
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
+        RuntimeError: if another state machine runs: RAFCON has one engine a process.
     """
+    _check_idle()
     with Bridge(codra, clock, answers=answers).attached(machine), _handed(handles or {}):
         state_machine_execution_engine.start(machine.state_machine_id)
         try:
@@ -114,11 +122,13 @@ def run_in_simulated_time(
     Raises:
         AnnotationError: if the semantic data of its states is wrong.
         ValueError: if states of the machine run side by side.
+        RuntimeError: if another state machine runs.
     """
     side_by_side = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
     if side_by_side:
         path = side_by_side[0].get_path()
         raise ValueError(f"{path} runs states side by side, and simulated time has one thread: use run_in_real_time")
+    _check_idle()
     hand_over = HandOver()
     handed = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
     with Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine), _handed(handed):
@@ -144,6 +154,11 @@ def _handed(handles: Mapping[str, object]) -> Iterator[None]:
     finally:
         for name in handles:
             global_variable_manager.delete_variable(name)
+
+
+def _check_idle() -> None:
+    if not state_machine_execution_engine.finished_or_stopped():
+        raise RuntimeError("RAFCON runs another state machine, and has one engine a process: let that one end first")
 
 
 def _end_when_done(hand_over: HandOver) -> None:

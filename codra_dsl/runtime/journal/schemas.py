@@ -204,7 +204,7 @@ def _of_decision(name: str, outline: Outline) -> tuple[str, Field]:
         agrees=_field("boolean", "Whether that is what context held; left out if it saw nothing."),
         shadow=_field("boolean", "Whether the main execution would have looked in any case."),
         skill=_field("string", "The skill under way that was begun last; left out if there was none."),
-        raised=_field("string", "The error that looking raised."),
+        raised=_field("string", "The error that looking raised, or why the decision was given up."),
     )
 
 
@@ -274,7 +274,7 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
         since_s=_field("number", "Evidence from before this instant does not do."),
         wait_up_to_s=_field("number", "How long the decision waits for observers."),
         shadow=_field("boolean", "Whether the main execution looks in any case."),
-        raised=_field("string", "The error that looking raised."),
+        raised=_field("string", "The error that looking raised, or why the decision was given up."),
         resources=_list("string", "The resources whose slots are wanted."),
         index=_field("integer", "The number of the job."),
         told_s=_field("number", "When the job said so."),

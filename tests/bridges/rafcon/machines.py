@@ -7,13 +7,12 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
 
-from rafcon.core.singleton import state_machine_manager
 from rafcon.core.state_machine import StateMachine
 from rafcon.core.states.execution_state import ExecutionState
 from rafcon.core.states.hierarchy_state import HierarchyState
 from rafcon.core.states.state import State
 
-from codra_dsl.bridges.rafcon import Answers, Ended, run_in_simulated_time
+from codra_dsl.bridges.rafcon import Answers, Ended, entered, run_in_simulated_time
 from codra_dsl.runtime import Kind, SimClock
 from tests.runtime.door import Door, Manager, started
 
@@ -95,12 +94,8 @@ def sequence(name: str, *states: State, says: Mapping[str, object] | None = None
 
 @contextmanager
 def machine_of(*states: State) -> Iterator[StateMachine]:
-    machine = StateMachine(sequence("root", *states))
-    state_machine_manager.add_state_machine(machine)
-    try:
+    with entered(StateMachine(sequence("root", *states))) as machine:
         yield machine
-    finally:
-        state_machine_manager.remove_state_machine(machine.state_machine_id)
 
 
 def run(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.bridges.rafcon import Ended
+from codra_dsl.bridges.rafcon import Ended, opened, register
 from codra_dsl.runtime import Kind
 from codra_dsl.runtime.replay import replay
 from examples.rafcon_lab import drawing
@@ -32,13 +32,12 @@ def decided(path: Path) -> list[tuple[str, object]]:
     return [(event.name, event.details["found" if event.what == "fell_back" else "value"]) for event in events]
 
 
-def test_the_state_machine_that_is_checked_in_is_the_one_that_is_drawn(tmp_path: Path) -> None:
-    drawing.main(tmp_path / "drawn")
-    files = {path.relative_to(tmp_path / "drawn") for path in (tmp_path / "drawn").rglob("*.*") if path.is_file()}
+def test_the_state_machine_that_is_checked_in_is_the_one_that_is_drawn() -> None:
+    register()
+    drawn = drawing.drawn()
 
-    assert files == {path.relative_to(FOLDER) for path in FOLDER.rglob("*.*") if path.is_file()}
-    for path in sorted(files):
-        assert (tmp_path / "drawn" / path).read_text("utf-8") == (FOLDER / path).read_text("utf-8"), path
+    with opened(FOLDER) as machine:
+        assert machine.root_state.mutable_hash().hexdigest() == drawn.root_state.mutable_hash().hexdigest()
 
 
 def test_the_task_is_done_with_observers_and_without(runs: dict[Arm, tuple[Ended, Path]]) -> None:

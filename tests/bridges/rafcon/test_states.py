@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 
 import pytest
-from rafcon.core.singleton import state_machine_execution_engine
+from rafcon.core.singleton import global_variable_manager, state_machine_execution_engine
 from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
 from rafcon.core.states.library_state import LibraryState
-from rafcon.core.storage.storage import load_state_machine_from_path, save_state_machine_to_path
+from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
+from rafcon.core.states.state import StateExecutionStatus
 
 from codra_dsl.bridges.rafcon import (
     AnnotationError,
     Answers,
-    opened,
     register,
     run_in_real_time,
     run_in_simulated_time,
@@ -93,6 +94,15 @@ def test_a_whole_state_of_states_need_not_run_either() -> None:
     ended, robot = run(sequence("looks", script("look", says={**DECIDE}), says=DECIDE), before=known(True))
 
     assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
+
+
+def test_a_state_of_a_library_need_not_run_either() -> None:
+    register()
+    state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
+    state.add_semantic_data([], DECIDE, "codra")
+    ended, robot = run(state, before=known(False))
+
+    assert (ended.outcome, decisions(robot)) == ("false", ["answered"])
 
 
 def test_an_outcome_that_says_no_value_means_that_nothing_was_found() -> None:
@@ -177,15 +187,6 @@ def test_the_library_expects_and_sets() -> None:
 # Files and time
 
 
-def test_what_states_say_is_saved_with_them(tmp_path: Path) -> None:
-    with machine_of(script("look", says=DECIDE)) as machine:
-        save_state_machine_to_path(machine, str(tmp_path / "machine"))
-    with opened(tmp_path / "machine") as again, started(Door()) as (manager, clock):
-        manager.declare("open", value=True)
-
-        assert run_in_simulated_time(again, manager, clock).outcome == "true"
-
-
 def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) -> None:
     for path in (tmp_path / "a.mcap", tmp_path / "b.mcap"):
         door, clock = Door(), SimClock()
@@ -222,22 +223,24 @@ def test_a_program_that_is_interrupted_stops_its_state_machine() -> None:
 
 
 def test_in_real_time_states_ask_from_threads_of_their_own_and_a_wait_can_be_preempted() -> None:
-    stop = script("stop", says={"skill": "drive"})
-    stop.script_text = """import threading
-from rafcon.core.singleton import state_machine_execution_engine
-
-
-def execute(self, inputs, outputs, gvm):
-    threading.Timer(0.2, state_machine_execution_engine.stop).start()
-    return "success"
-"""
     look = script("look", says={**DECIDE, "wait_up_to_s": "3600"})
-    with WallClock(start_s=0.0) as clock, machine_of(stop, look) as machine:
-        with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}) as manager:
-            ended = run_in_real_time(machine, manager, clock)
-        (event,) = manager.record.of(Kind.DECISION)
 
-    assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
+    def stop() -> None:
+        while look.state_execution_status is not StateExecutionStatus.ACTIVE:
+            threading.Event().wait(0.01)
+        state_machine_execution_engine.stop()
+
+    with WallClock(start_s=0.0) as clock, machine_of(look) as machine:
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        threading.Thread(target=stop, daemon=True).start()
+        ended = run_in_real_time(machine, manager, clock)
+        (event,) = manager.record.of(Kind.DECISION)
+        assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
+
+        look.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'true'\n"
+        look.semantic_data = {"codra": DECIDE}
+        assert run_in_real_time(machine, manager, clock).outcome == "true", "it can be run again"
+        manager.close()
 
 
 # Mistakes
@@ -285,13 +288,18 @@ def test_a_closed_context_manager_aborts_the_state_that_asks_it() -> None:
     assert "closed" in str(ended.error)
 
 
-def test_the_library_is_what_rafcon_saves(tmp_path: Path) -> None:
-    """Saved again, it has the same bytes."""
-    libraries = Path(__file__).parents[3] / "codra_dsl/bridges/rafcon/libraries/codra"
-    for folder in sorted(libraries.iterdir()):
-        save_state_machine_to_path(load_state_machine_from_path(str(folder)), str(tmp_path / folder.name), as_copy=True)
-        for path in sorted(folder.iterdir()):
-            assert (tmp_path / folder.name / path.name).read_bytes() == path.read_bytes()
+def test_a_second_state_machine_is_refused_while_one_runs() -> None:
+    class Twice(Robot):
+        def drive(self) -> str:
+            with machine_of(script("pull")) as second:
+                run_in_simulated_time(second, self.manager, self.clock)
+            return "success"
+
+    with started(Door()) as (manager, clock), machine_of(script("drive")) as machine:
+        ended = run_in_simulated_time(machine, manager, clock, handles={"robot": Twice(clock, manager, Door())})
+
+    assert ended.outcome == "aborted"
+    assert "one engine a process" in str(ended.error)
 
 
 BEGIN = """from contextlib import ExitStack
@@ -326,3 +334,47 @@ def test_a_state_can_attach_the_bridge_and_another_close_it_when_rafcon_itself_s
         assert machine.root_state.final_outcome.name == "success"
         assert look.final_outcome.name == "true", "there is no robot, so it can only have been left out"
         assert "run" not in vars(look)
+
+
+WAIT = """def execute(self, inputs, outputs, gvm):
+    self.preemptive_wait(60)
+    return "success"
+"""
+BRIEFLY = """def execute(self, inputs, outputs, gvm):
+    manager = gvm.get_variable("manager")
+    while "open" not in manager.declared():
+        self.preemptive_wait(0.01)
+    outputs["declared"] = sorted(manager.declared())
+    return "success"
+"""
+
+
+def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_skill_is_withdrawn() -> None:
+    wait, briefly = script("wait", says={"skill": "open_door"}), script("briefly", says={"skill": "drive"})
+    wait.script_text, briefly.script_text = WAIT, BRIEFLY
+    briefly.add_output_data_port("declared", list, [], 0)
+    both = PreemptiveConcurrencyState("both", state_id="BOTH")
+    for state in (wait, briefly):
+        both.add_state(state)
+        both.add_transition(state.state_id, 0, both.state_id, 0)
+    with WallClock(start_s=0.0) as clock, machine_of(both) as machine:
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        ended = run_in_real_time(machine, manager, clock, handles={"manager": manager})
+        left = manager.declared()
+        manager.close()
+
+    assert (ended.outcome, wait.final_outcome.name) == ("success", "preempted")
+    assert briefly.output_data["declared"] == ["near", "open"]
+    assert left == frozenset()
+
+
+def test_an_action_whose_skill_began_before_the_bridge_was_attached_says_so() -> None:
+    begin, act = script("begin"), script("pull", says={"acting": "open_door"})
+    begin.script_text = BEGIN
+    with machine_of(sequence("open", begin, act, says={"skill": "open_door"})) as machine:
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+        global_variable_manager.get_variable("at_the_end").close()
+
+        assert act.final_outcome.name == "aborted"
+        assert "attach the bridge before it begins" in str(act.output_data["error"])
