@@ -40,6 +40,7 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use_math_for(["math.inf"])
     imports.use("Callable", "Mapping", "Answer", "Clock", "ContextManager", "ContextModel", "Reading", "Record")
     kinds = _values(plan)
+    imports.use("TYPE_CHECKING")
     imports.use(*(["overload"] if len(kinds) > 1 else []), *(["Any"] if len(kinds) != 1 else []))
     aliases = [*_variable_aliases(kinds), _alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))

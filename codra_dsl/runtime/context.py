@@ -12,7 +12,7 @@ from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import Agent
-from codra_dsl.runtime.cell import Cell, Reading, Reason
+from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.forest import Forest
@@ -104,11 +104,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._name = model.name
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
+        self._now_s = clock.now_s
         self._notify = clock.notify
         self._scribe = Scribe(self.record, self._clock, lambda: self._clock.steps)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
         self._store = Store(model.variables, self._clock, self._scribe, self._changed)
+        self._cells = self._store.cells
         self._slots = Slots(self._clock, {resource.name: resource for resource in model.resources})
         self._perception = Perception(
             clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
@@ -222,13 +224,13 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
         """
-        cell = self._store.cells.get(name)
-        if cell is None:
-            raise _unknown("variable", name, self._store.cells)
-        reading = cell.reading
-        if reading.reason is None and reading.expires_s > self._clock.now_s():
-            return reading
-        return self._explained(reading.at(self._clock.now_s()))
+        try:
+            reading = self._cells[name].reading
+        except KeyError:
+            raise _unknown("variable", name, self._cells) from None
+        if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
+            reading = reading.at(now_s)
+        return reading if reading.reason is None else self._explained(reading)
 
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.

@@ -99,7 +99,8 @@ class Forest:
         """
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
-            self.touch(observer)
+            if observer.wanted:
+                self.touch(observer)
 
     def touch(self, observer: Observer) -> None:
         """Let an observer be ticked in the next round, at this instant; one that does not run has no need of it."""

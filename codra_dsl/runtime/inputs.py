@@ -144,10 +144,10 @@ class Inputs:
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
                     f"the main execution may only while it has declared it{_way_of_agents(model)}"
                 )
-            if writer not in (MAIN, *model.sources):
+            if writer != MAIN and writer not in model.sources:
                 self._scribe.tell(Kind.VARIABLE, name, "refused", value=content, source=writer)
                 raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
-            self._store_reading(name, content, writer, evidence_s=evidence_s)
+            self._store_reading(name, content, writer, evidence_s)
 
     # Decisions
 
@@ -184,7 +184,7 @@ class Inputs:
             agrees = {"agrees": found == decision.reading.content}
             self._decided(what, decision, **(agrees if decision.met else {"found": found, "kept": keeps}))
             if keeps:
-                self._store_reading(name, found, MAIN, start_s=decision.looked_s)
+                self._store_reading(name, found, MAIN, None, decision.looked_s)
 
     # Slots
 
@@ -228,8 +228,7 @@ class Inputs:
         name: str,
         content: Value | None,
         writer: str,
-        *,
-        evidence_s: float | None = None,
+        evidence_s: float | None,
         start_s: float | None = None,
     ) -> None:
         now_s = self._clock.now_s()

@@ -24,6 +24,7 @@ class Observer:
 
     def __init__(self, model: ObserverModel, surroundings: Surroundings, touched: Callable[[Observer], None]) -> None:
         self.model = model
+        self.name = model.name
         self.surroundings = surroundings
         self.wanted = False
         self.now_s = surroundings.now_s()
@@ -42,11 +43,6 @@ class Observer:
         }
         self._aging = [term for term in self._terms() if reads_ages(term)]
         self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
-
-    @property
-    def name(self) -> str:
-        """Return the observer's name."""
-        return self.model.name
 
     def branch(self, algorithm: Algorithm) -> Branch:
         """Return a new branch for an algorithm; generated code calls this while it builds the tree."""

@@ -5,7 +5,7 @@ Made by codra from specs/kitchen.yaml; edits are lost. Renew: codra compile spec
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.context import Answer
@@ -67,6 +67,9 @@ class Kitchen(ContextManager[VariableName, SkillName]):
     def get(self, name: VariableName) -> Reading[Any]:
         """Return what is known of a variable now."""
         return super().get(name)
+
+    if not TYPE_CHECKING:
+        get = ContextManager.get  # the types are for tools: at run time it is called without a detour
 
     @overload
     def decide(

@@ -5,7 +5,7 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.context import Answer
@@ -61,6 +61,9 @@ class Lab(ContextManager[VariableName, SkillName]):
     def get(self, name: VariableName) -> Reading[bool]:
         """Return what is known of a variable now."""
         return super().get(name)
+
+    if not TYPE_CHECKING:
+        get = ContextManager.get  # the types are for tools: at run time it is called without a detour
 
     def decide(
         self,
