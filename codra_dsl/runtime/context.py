@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Self, TypeVar, cast
 
+from codra_dsl.collector import paused_collector
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
@@ -76,6 +77,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         inputs: takes, one step each, what programs ask; for whoever replays a run.
     """
 
+    @paused_collector()
     def __init__(
         self,
         model: ContextModel,
