@@ -18,7 +18,7 @@ MODULE_NAMES = frozenset(
 
 ENTRY_NAMES = frozenset(
     {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
-    | {"Any", "Callable", "Literal", "Mapping", "Never", "math", "overload"}
+    | {"TYPE_CHECKING", "Any", "Callable", "Literal", "Mapping", "Never", "math", "overload"}
     | {"Answer", "Clock", "ContextManager", "ContextModel", "Reading", "Record", "ResourceModel"}
 )
 """What the entry of a generated package imports or defines itself, apart from its modules."""

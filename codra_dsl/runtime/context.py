@@ -274,7 +274,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             NotOfTypeError: if the value is not what the spec declares.
             ValueError: if the evidence lies in the future.
         """
-        self._write_as(name, value, MAIN, evidence_s)
+        try:
+            content = self._store.variables[name].type.convert(value)
+        except KeyError:
+            raise _unknown("variable", name, self._cells) from None
+        self.inputs.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName]:
         """Return the handle by which an outside writer writes the variables that name it as `source`.
@@ -432,10 +436,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
-        model = self._store.variables.get(name)
-        if model is None:
-            raise _unknown("variable", name, self._store.variables)
-        self.inputs.write(name, model.type.convert(value), writer, evidence_s)
+        self.inputs.write(name, self._model(name).type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
         for name in observer.model.identifies:

@@ -100,7 +100,9 @@ class Forest:
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
             if observer.wanted:
-                self.touch(observer)
+                self._touched.add(observer.name)
+                if self._round is None:
+                    self._let_settle()
 
     def touch(self, observer: Observer) -> None:
         """Let an observer be ticked in the next round, at this instant; one that does not run has no need of it."""
@@ -108,7 +110,10 @@ class Forest:
             return
         self._touched.add(observer.name)
         if self._round is None:
-            self._round = self._clock.call_at(self._clock.now_s(), self._settle)
+            self._let_settle()
+
+    def _let_settle(self) -> None:
+        self._round = self._clock.call_at(self._clock.now_s(), self._settle)
 
     def _settle(self) -> None:
         """Run rounds at this instant: tick in order on one state of the context, commit, until nothing changes."""

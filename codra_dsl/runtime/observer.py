@@ -168,12 +168,13 @@ class Observer:
         """Return when a tick next brings something new, if nothing else changes before."""
         if not self.wanted or self._failure is not None:
             return None
-        present = self.present()
-        flips = (term.flips_s(present) for term in self._aging)
-        instants = [self.now_s + wait_s for wait_s in flips if wait_s is not None]
-        idle = (branch for branch in self._branches if not any(rival.busy for rival in branch.rivals))
-        instants.extend(branch.next_start_s() for branch in idle if self._may_run(branch))
-        return min((instant for instant in instants if instant > self.now_s), default=None)
+        flips = (term.flips_s(self._present) for term in self._aging)
+        instants = [self.now_s + wait_s for wait_s in flips if wait_s]
+        for branch in self._branches:
+            start_s = branch.next_start_s()
+            if start_s > self.now_s and not any(rival.busy for rival in branch.rivals) and self._may_run(branch):
+                instants.append(start_s)
+        return min(instants, default=None)
 
     # Within
 
