@@ -1,4 +1,7 @@
-"""Times calls within one process, in turns, so that what slows the machine down hits all sides."""
+"""Times calls within one process: its processor time, all threads counted, so that other programs do not count.
+
+Sides have their turns, so that what slows the machine down hits all.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ TURNS = 41
 
 
 def in_turns(sides: Sequence[Callable[[], None]], calls: Sequence[int], turns: int = TURNS) -> list[float]:
-    """Return the median time in seconds that one call of each side takes.
+    """Return the median processor time in seconds that one call of each side takes.
 
     Args:
         sides: what is called.
@@ -28,7 +31,7 @@ def in_turns(sides: Sequence[Callable[[], None]], calls: Sequence[int], turns: i
 
 def _turn_s(side: Callable[[], None], calls: int) -> float:
     repeated = range(calls)
-    began_s = time.perf_counter()
+    began_s = time.process_time()
     for _ in repeated:
         side()
-    return (time.perf_counter() - began_s) / calls
+    return (time.process_time() - began_s) / calls

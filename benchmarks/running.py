@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -81,7 +82,7 @@ def _get(package: ModuleType) -> Row:
         board, name = _client(), _near(0)
         codra.set(name, True)
         board.set(name, True)
-        ours, peer = in_turns([lambda: codra.get(name), lambda: board.get(name)], [5000, 5000])
+        ours, peer = in_turns([partial(codra.get, name), partial(board.get, name)], [5000, 5000])
     return Row(name="context_get", ours=ours, peer=peer, target=0.1)
 
 

@@ -39,7 +39,6 @@ class Term:
     """A part of a condition. Its `repr` is the Python text that builds it."""
 
     __slots__ = ("_reads",)
-
     _reads: tuple[frozenset[str], bool]
 
     def evaluate(self, scope: Scope) -> Value | None:
@@ -64,14 +63,12 @@ class Term:
 
     @property
     def reads(self) -> tuple[frozenset[str], bool]:
-        """Return the names that the term reads, and whether it reads an age; a term never changes, so it looks once."""
-        try:
-            return self._reads
-        except AttributeError:
-            terms = tuple(self.walk())
-            names = frozenset(term.name for term in terms if isinstance(term, (_Variable, _Known, _Age)))
-            object.__setattr__(self, "_reads", (names, any(isinstance(term, _Age) for term in terms)))
-            return self.reads
+        """Return the names that the term reads, and whether it reads an age: it never changes, so it looks once."""
+        if not hasattr(self, "_reads"):
+            leaves = [term for term in self.walk() if isinstance(term, (_Variable, _Known, _Age))]
+            ages = any(isinstance(term, _Age) for term in leaves)
+            object.__setattr__(self, "_reads", (frozenset(term.name for term in leaves), ages))
+        return self._reads
 
     def holds(self, scope: Scope) -> bool:
         """Return whether the term is certainly true: a precondition that is unknown does not hold."""
@@ -183,10 +180,7 @@ def maximum(first: Operand, *others: Operand) -> Term:
 
 
 def choose(then: Operand, condition: Operand, otherwise: Operand) -> Term:
-    """Return `then` where the condition is true and `otherwise` where it is false.
-
-    Where the condition is unknown the choice is known only if both sides agree.
-    """
+    """Return `then` where the condition is true, `otherwise` where it is false, and if unknown what both agree on."""
     return _Choice(_term(then), _term(condition), _term(otherwise))
 
 
@@ -206,10 +200,6 @@ def _term(operand: Operand) -> Term:
 
 def _operands(kind: type[_Conjunction] | type[_Disjunction], term: Term) -> tuple[Term, ...]:
     return term.terms if isinstance(term, kind) else (term,)
-
-
-def _joined(symbol: str, terms: tuple[Term, ...]) -> str:
-    return f" {symbol} ".join(_grouped(term) for term in terms)
 
 
 def _grouped(term: Term) -> str:
@@ -292,7 +282,7 @@ class _Conjunction(Term):
         return result
 
     def __repr__(self) -> str:
-        return _joined("&", self.terms)
+        return " & ".join(map(_grouped, self.terms))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -313,7 +303,7 @@ class _Disjunction(Term):
         return result
 
     def __repr__(self) -> str:
-        return _joined("|", self.terms)
+        return " | ".join(map(_grouped, self.terms))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -19,7 +19,7 @@ MODULE_NAMES = frozenset(
 ENTRY_NAMES = frozenset(
     {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
     | {"BoolAnswer", "IntAnswer", "FloatAnswer", "StrAnswer"}
-    | {"Any", "Callable", "Literal", "Mapping", "Never", "TypeVar", "math", "overload"}
+    | {"TYPE_CHECKING", "Any", "Callable", "Literal", "Mapping", "Never", "TypeVar", "math", "overload"}
     | {"Clock", "ContextManager", "ContextModel", "Reading", "Record", "ResourceModel"}
 )
 """What the entry of a generated package imports or defines itself, apart from its modules."""

@@ -1,6 +1,7 @@
 """Typed access to the variables of a spec: methods whose signatures tie the names of variables to their values.
 
 There is one signature for each type of value, not for each variable, so that a spec may have any number of these.
+They are for editors and type checkers: at run time the calls reach the context manager without a detour.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from dataclasses import dataclass
 
 from codra_dsl.emit.layout import WIDTH
 
-_INDENT = 4
+_OUTER, _INNER = 8 * " ", 12 * " "
 _NAMES = "VariableName"
 
 
@@ -40,7 +41,6 @@ class Method:
     overloads: tuple[str, ...]
     definition: str
     docstring: str
-    body: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,6 @@ class _Shape:
 
     name: str
     docstring: str
-    call: str
     typed: str
     last: str
     whole: str
@@ -71,7 +70,6 @@ _SHAPES = (
     _Shape(
         name="get",
         docstring="Return what is known of a variable now.",
-        call="super().get(name)",
         typed="",
         last="",
         whole="",
@@ -82,7 +80,6 @@ _SHAPES = (
     _Shape(
         name="set",
         docstring="Write a variable as the main execution.",
-        call="super().set(name, value, evidence_s=evidence_s)",
         typed="value: {type}",
         last="value: Never",
         whole="value: Any",
@@ -93,7 +90,6 @@ _SHAPES = (
     _Shape(
         name="declare",
         docstring="Take a variable into what the main execution needs, with a value if it knows one.",
-        call="super().declare(name, value)",
         typed="value: {type} | None = None",
         last="value: None = None",
         whole="value: Any = None",
@@ -104,9 +100,6 @@ _SHAPES = (
     _Shape(
         name="decide",
         docstring="Answer a decision from context, or fall back to sequential perception.",
-        call="""super().decide(
-            name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
-        )""",
         typed="otherwise: Callable[[], {answer}]",
         last="otherwise: Callable[[], Never]",
         whole="otherwise: Callable[[], Any]",
@@ -136,25 +129,17 @@ def _overloaded(shape: _Shape, kinds: Sequence[Values]) -> Method:
     ]
     overloads.append(_signature(shape, _NAMES, shape.last, rest, shape.returned))
     definition = _signature(shape, _NAMES, shape.whole, _with_defaults(shape), shape.returned)
-    return Method(tuple(overloads), definition, shape.docstring, _returning(shape.call, shape.returned))
+    return Method(tuple(overloads), definition, shape.docstring)
 
 
 def _plain(shape: _Shape, kind: Values) -> Method:
     """Return a method for values of one type."""
-    returns = _of(shape.returns, kind)
-    definition = _signature(shape, _NAMES, _of(shape.typed, kind), _with_defaults(shape), returns)
-    body = _returning(shape.call, returns)
-    if shape.returned == "Any":
-        body = f"answer: {kind.answer} = {shape.call}\n        return answer"
-    return Method((), definition, shape.docstring, body)
+    definition = _signature(shape, _NAMES, _of(shape.typed, kind), _with_defaults(shape), _of(shape.returns, kind))
+    return Method((), definition, shape.docstring)
 
 
 def _with_defaults(shape: _Shape) -> list[str]:
     return [f"{argument} = {default}" for argument, default in shape.rest.items()]
-
-
-def _returning(call: str, returns: str) -> str:
-    return call if returns == "None" else f"return {call}"
 
 
 def _of(text: str, kind: Values) -> str:
@@ -166,13 +151,12 @@ def _signature(shape: _Shape, names: str, typed: str, rest: Sequence[str], retur
     before, after = f"def {shape.name}(", f") -> {returns}:"
     given = ("self", f"name: {names}", *([typed] if typed else []), *(["*", *rest] if rest else []))
     flat = ", ".join(given)
-    if _INDENT + len(before) + len(flat) + len(after) + len(" ...") <= WIDTH:
+    if len(_OUTER) + len(before) + len(flat) + len(after) + len(" ...") <= WIDTH:
         return f"{before}{flat}{after}"
-    inner, outer = " " * (2 * _INDENT), " " * _INDENT
-    if len(inner) + len(flat) <= WIDTH:
-        return f"{before}\n{inner}{flat}\n{outer}{after}"
-    if _INDENT + len(after) + len(" ...") > WIDTH and " | " in returns:
-        types = f"\n{inner}| ".join(returns.split(" | "))
-        after = f") -> (\n{inner}{types}\n{outer}):"
-    lines = f",\n{inner}".join(given)
-    return f"{before}\n{inner}{lines},\n{outer}{after}"
+    if len(_INNER) + len(flat) <= WIDTH:
+        return f"{before}\n{_INNER}{flat}\n{_OUTER}{after}"
+    if len(_OUTER) + len(after) + len(" ...") > WIDTH and " | " in returns:
+        types = f"\n{_INNER}| ".join(returns.split(" | "))
+        after = f") -> (\n{_INNER}{types}\n{_OUTER}):"
+    lines = f",\n{_INNER}".join(given)
+    return f"{before}\n{_INNER}{lines},\n{_OUTER}{after}"

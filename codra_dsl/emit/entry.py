@@ -27,7 +27,7 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "Record")
     kinds = _values(plan)
     imports.use_math_for(["math.inf"] if kinds else [])
-    imports.use(*(["Callable", "Reading", "TypeVar"] if kinds else []))
+    imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
     imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
     aliases = [*_variable_aliases(kinds), _alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))

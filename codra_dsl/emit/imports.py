@@ -9,7 +9,7 @@ from codra_dsl.emit.layout import WIDTH, Expression, laid_out, spread_tuple
 
 _HOMES: Mapping[str, Iterable[str]] = {
     "collections.abc": ["Callable", "Mapping"],
-    "typing": ["Any", "Literal", "Never", "TypeVar", "overload"],
+    "typing": ["TYPE_CHECKING", "Any", "Literal", "Never", "TypeVar", "overload"],
     "py_trees.behaviour": ["Behaviour"],
     "py_trees.common": ["ParallelPolicy"],
     "py_trees.composites": ["Parallel", "Selector", "Sequence"],

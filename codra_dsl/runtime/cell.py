@@ -18,6 +18,8 @@ ValueT_co = TypeVar("ValueT_co", covariant=True)
 
 BEFORE_ALL_S = -math.inf
 
+FOREVER_S = math.inf
+
 FEWEST_KEPT = 100
 """Readings that are kept even if the spec asks for a shorter history: evidence is judged by them."""
 
@@ -67,7 +69,7 @@ class Reading(Generic[ValueT_co]):
     evidence_s: float = BEFORE_ALL_S
     start_s: float = BEFORE_ALL_S
     identified_s: float = BEFORE_ALL_S
-    expires_s: float = math.inf
+    expires_s: float = FOREVER_S
     source: str = ""
 
     @property
@@ -94,7 +96,7 @@ class Reading(Generic[ValueT_co]):
     def at(self, instant_s: float) -> Reading[ValueT_co]:
         """Return this reading as it is at an instant: unknown once its validity is over."""
         if self.reason is None and instant_s >= self.expires_s:
-            return replace(self, content=None, reason=Reason.STALE, identified_s=self.expires_s, expires_s=math.inf)
+            return replace(self, content=None, reason=Reason.STALE, identified_s=self.expires_s, expires_s=FOREVER_S)
         return self
 
     def __bool__(self) -> bool:
@@ -178,8 +180,8 @@ class Cell:
             self._past.append(reading)
         else:
             self._past.insert(bisect_right(self._past, reading.evidence_s, key=_evidence_s), reading)
-        while len(self._past) > self._kept and self._has_too_many():
-            self._past.pop(0)
+        while len(self._past) > self._kept and (not self._pins or self._has_too_many()):
+            del self._past[0]
             self._dropped = True
         if reading.evidence_s < self.reading.evidence_s:
             return False

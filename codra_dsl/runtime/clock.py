@@ -20,6 +20,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from threading import get_ident
+from time import monotonic
 from typing import TypeVar
 
 Outcome = TypeVar("Outcome")
@@ -285,7 +286,7 @@ class WallClock(Clock):
 
     def now_s(self) -> float:
         """Return the present instant."""
-        return time.monotonic() + self._offset_s
+        return monotonic() + self._offset_s
 
     def sleep(self, duration_s: float) -> None:
         """Let real time pass."""
@@ -372,6 +373,7 @@ class LockedClock(Clock):
         self.works = 0
         self.is_late: Callable[[], None] = _nothing
         self._clock = clock
+        self._outer_now_s = clock.now_s
         self._lock = lock
         self._timers: list[tuple[float, int, Timer]] = []
         self._scheduled = 0
@@ -383,8 +385,9 @@ class LockedClock(Clock):
     def __enter__(self) -> None:
         self._lock.acquire()
         if not self._depth:
-            now_s = self._clock.now_s()
-            self._instant_s = max(self._instant_s, now_s)
+            now_s = self._outer_now_s()
+            if now_s > self._instant_s:  # noqa: PLR1730 - every step comes by here, and `max` takes longer
+                self._instant_s = now_s
             self._stepping = get_ident()
         self._depth += 1
 
@@ -398,7 +401,7 @@ class LockedClock(Clock):
         """Return the present instant; within a step that of its beginning."""
         if self._stepping is not None and self._stepping == get_ident():
             return self._instant_s
-        return self._clock.now_s()
+        return self._outer_now_s()
 
     def sleep(self, duration_s: float) -> None:
         """Let time pass."""

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar, cast
 
+from codra_dsl.collector import paused_collector
 from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.attention import Attention
-from codra_dsl.runtime.cell import Cell, Reading, Reason
+from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.declarations import MAIN
@@ -73,6 +74,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         inputs: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
     """
 
+    @paused_collector()
     def __init__(
         self,
         model: ContextModel,
@@ -102,10 +104,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
         self._time = clock
+        self._now_s = clock.now_s
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
         self._store = Store(model.variables, self._clock, self._scribe, self._changed)
+        self._cells = self._store.cells
         self._slots = Slots(self._clock, {resource.name: resource for resource in model.resources})
         self._perception = Perception(
             clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
@@ -239,13 +243,13 @@ class ContextManager(Generic[VariableName, SkillName]):
 
         Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
         """
-        cell = self._store.cells.get(name)
-        if cell is None:
-            raise unknown("variable", name, self._store.cells)
-        reading = cell.reading
-        if reading.reason is None and reading.expires_s > self._clock.now_s():
-            return reading
-        return self._explained(reading.at(self._clock.now_s()))
+        try:
+            reading = self._cells[name].reading
+        except KeyError:
+            raise unknown("variable", name, self._cells) from None
+        if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
+            reading = reading.at(now_s)
+        return reading if reading.reason is None else self._explained(reading)
 
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
@@ -287,7 +291,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             NotOfTypeError: if the value is not what the spec declares.
             ValueError: if the evidence lies in the future.
         """
-        self._write_as(name, value, MAIN, evidence_s)
+        try:
+            content = self._store.variables[name].type.convert(value)
+        except KeyError:
+            raise unknown("variable", name, self._cells) from None
+        self.inputs.write(name, content, MAIN, evidence_s)
 
     def agent(self, name: str) -> Agent[VariableName]:
         """Return the handle by which an outside writer writes the variables that name it as `source`.
@@ -506,10 +514,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._time.notify()
 
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
-        model = self._store.variables.get(name)
-        if model is None:
-            raise unknown("variable", name, self._store.variables)
-        self.inputs.write(name, model.type.convert(value), writer, evidence_s)
+        self.inputs.write(name, self._model(name).type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
         for name in observer.model.identifies:

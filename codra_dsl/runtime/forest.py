@@ -100,7 +100,10 @@ class Forest:
         """
         readers = self._readers_of_age if is_renewed else self._readers
         for observer in readers.get(variable, ()):
-            self.touch(observer)
+            if observer.wanted:
+                self._touched.add(observer.name)
+                if self._round is None:
+                    self._let_settle()
 
     def look_again(self) -> None:
         """Ask the running observers that look on events whether they are due now."""
@@ -114,7 +117,10 @@ class Forest:
             return
         self._touched.add(observer.name)
         if self._round is None:
-            self._round = self._clock.call_at(self._clock.now_s(), self._settle)
+            self._let_settle()
+
+    def _let_settle(self) -> None:
+        self._round = self._clock.call_at(self._clock.now_s(), self._settle)
 
     def _settle(self) -> None:
         """Run rounds at this instant: tick in order on one state of the context, commit, until nothing changes."""

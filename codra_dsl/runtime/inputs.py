@@ -184,10 +184,10 @@ class Inputs:
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
                     f"the main execution may only while it has declared it{_way_of_agents(model)}"
                 )
-            if writer not in (MAIN, *model.sources):
+            if writer != MAIN and writer not in model.sources:
                 self._scribe.tell(Kind.VARIABLE, name, "refused", value=content, source=writer)
                 raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
-            self._store_reading(name, content, writer, evidence_s=evidence_s)
+            self._store_reading(model, content, writer, evidence_s)
 
     # Decisions
 
@@ -231,7 +231,7 @@ class Inputs:
                 about["agrees"] = found == decision.reading.content
             self._decided(what, decision, **about)
             if keeps:
-                self._store_reading(name, found, MAIN, start_s=decision.looked_s)
+                self._store_reading(self._store.variables[name], found, MAIN, None, decision.looked_s)
 
     # Slots
 
@@ -282,14 +282,13 @@ class Inputs:
 
     def _store_reading(
         self,
-        name: str,
+        model: VariableModel,
         content: Value | None,
         writer: str,
-        *,
-        evidence_s: float | None = None,
+        evidence_s: float | None,
         start_s: float | None = None,
     ) -> None:
-        now_s = self._clock.now_s()
+        name, now_s = model.name, self._clock.now_s()
         if evidence_s is None:
             evidence_s = now_s
         elif not evidence_s <= now_s:
@@ -305,7 +304,7 @@ class Inputs:
                 source=writer,
             )
         else:
-            expires_s = evidence_s + self._store.variables[name].valid_for_s
+            expires_s = evidence_s + model.valid_for_s
             reading = known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
         self._store.write(reading)
 

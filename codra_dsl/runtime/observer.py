@@ -25,6 +25,7 @@ class Observer:
 
     def __init__(self, model: ObserverModel, surroundings: Surroundings, touched: Callable[[Observer], None]) -> None:
         self.model = model
+        self.name = model.name
         self.surroundings = surroundings
         self.wanted = False
         self.now_s = surroundings.now_s()
@@ -46,11 +47,6 @@ class Observer:
             branch.is_on_event = set(branch.identifies) <= set(self.on_event)
         self._aging = [term for term in self._terms() if reads_ages(term)]
         self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
-
-    @property
-    def name(self) -> str:
-        """Return the observer's name."""
-        return self.model.name
 
     def branch(self, algorithm: Algorithm) -> Branch:
         """Return a new branch for an algorithm; generated code calls this while it builds the tree."""
@@ -182,12 +178,17 @@ class Observer:
         """Return when a tick next brings something new, if nothing else changes before."""
         if not self.wanted or self._failure is not None:
             return None
-        present = self.present()
-        flips = (term.flips_s(present) for term in self._aging)
-        instants = [self.now_s + wait_s for wait_s in flips if wait_s is not None]
-        idle = (branch for branch in self._branches if not any(rival.busy for rival in branch.rivals))
-        instants.extend(branch.next_start_s() for branch in idle if self._may_run(branch))
-        return min((instant for instant in instants if self.now_s < instant < math.inf), default=None)
+        flips = (term.flips_s(self._present) for term in self._aging)
+        instants = [self.now_s + wait_s for wait_s in flips if wait_s]
+        for branch in self._branches:
+            start_s = branch.next_start_s()
+            if (
+                self.now_s < start_s < math.inf
+                and not any(rival.busy for rival in branch.rivals)
+                and self._may_run(branch)
+            ):
+                instants.append(start_s)
+        return min(instants, default=None)
 
     # Within
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Cell, Reading, Reason
+from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal import Scribe
 from codra_dsl.runtime.model import VariableModel
@@ -40,17 +39,18 @@ class Store:
         return self.cells[name].reading.at(self._clock.now_s())
 
     def write(self, reading: Reading[Value]) -> None:
-        """Take a reading: as the present one, or into the history only if its evidence is older than that."""
-        if reading.reason is None and reading.expires_s == math.inf:
-            expires_s = reading.evidence_s + self.variables[reading.name].valid_for_s
-            reading = reading if expires_s == math.inf else replace(reading, expires_s=expires_s)
-        cell = self.cells[reading.name]
+        """Take a reading that is identified now: as the present one, or if its evidence is older into the history."""
+        name = reading.name
+        if reading.expires_s == FOREVER_S and reading.reason is None:
+            expires_s = reading.evidence_s + self.variables[name].valid_for_s
+            reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
+        cell = self.cells[name]
         before = cell.reading
         is_present = cell.write(reading)
-        self._scribe.tell_reading(reading, is_present)
-        if is_present and reading.expires_s < math.inf:
+        self._scribe.tell_reading(reading.identified_s, reading, is_present)
+        if is_present and reading.expires_s != FOREVER_S and name not in self._expiring:
             self._watch_expiry(reading)
-        self._changed(reading.name, is_present and _tells_the_same(before, reading))
+        self._changed(name, is_present and before.content == reading.content and _tells_the_same(before, reading))
 
     def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
         """Make a variable unknown from now on."""
@@ -65,7 +65,7 @@ class Store:
         self.make_unknown(name, Reason.INVALIDATED, skill, source)
 
     def _watch_expiry(self, reading: Reading[Value]) -> None:
-        if reading.expires_s < math.inf and reading.name not in self._expiring:
+        if reading.expires_s != FOREVER_S and reading.name not in self._expiring:
             self._expiring.add(reading.name)
             self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
 
@@ -74,14 +74,14 @@ class Store:
         self._expiring.discard(name)
         cell = self.cells[name]
         if cell.expire(self._clock.now_s()):
-            self._scribe.tell_reading(cell.reading, True)
+            self._scribe.tell_reading(self._clock.now_s(), cell.reading, True)
             self._changed(name, False)
         else:
             self._watch_expiry(cell.reading)
 
 
 def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
-    """Return whether a variable has the value that it had until now, or is unknown as it was."""
+    """Return, of two readings of the same content, whether the first was known or unknown like the second until now."""
     if before.reason is not None or reading.reason is not None:
         return before.reason is not None and reading.reason is not None
-    return before.content == reading.content and before.expires_s > reading.identified_s
+    return before.expires_s > reading.identified_s

@@ -5,7 +5,7 @@ Made by codra from specs/kitchen.yaml; edits are lost. Renew: codra compile spec
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Literal, Never, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Literal, Never, TypeVar, overload
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.model import ContextModel, ResourceModel
@@ -50,158 +50,154 @@ MODEL = ContextModel(
 class Kitchen(ContextManager[VariableName, SkillName]):
     """The context manager of 'kitchen', with the types of its values."""
 
-    @overload
-    def get(self, name: BoolName) -> Reading[bool]: ...
+    if TYPE_CHECKING:
 
-    @overload
-    def get(self, name: RobotPlaceName) -> Reading[RobotPlace]: ...
+        @overload
+        def get(self, name: BoolName) -> Reading[bool]: ...
 
-    @overload
-    def get(self, name: KettleStateName) -> Reading[KettleState]: ...
+        @overload
+        def get(self, name: RobotPlaceName) -> Reading[RobotPlace]: ...
 
-    @overload
-    def get(self, name: FloatName) -> Reading[float]: ...
+        @overload
+        def get(self, name: KettleStateName) -> Reading[KettleState]: ...
 
-    @overload
-    def get(self, name: HobLevelName) -> Reading[HobLevel]: ...
+        @overload
+        def get(self, name: FloatName) -> Reading[float]: ...
 
-    @overload
-    def get(self, name: VariableName) -> Reading[Any]: ...
+        @overload
+        def get(self, name: HobLevelName) -> Reading[HobLevel]: ...
 
-    def get(self, name: VariableName) -> Reading[Any]:
-        """Return what is known of a variable now."""
-        return super().get(name)
+        @overload
+        def get(self, name: VariableName) -> Reading[Any]: ...
 
-    @overload
-    def set(self, name: BoolName, value: bool, *, evidence_s: float | None = ...) -> None: ...
+        def get(self, name: VariableName) -> Reading[Any]:
+            """Return what is known of a variable now."""
 
-    @overload
-    def set(self, name: RobotPlaceName, value: RobotPlace, *, evidence_s: float | None = ...) -> None: ...
+        @overload
+        def set(self, name: BoolName, value: bool, *, evidence_s: float | None = ...) -> None: ...
 
-    @overload
-    def set(self, name: KettleStateName, value: KettleState, *, evidence_s: float | None = ...) -> None: ...
+        @overload
+        def set(self, name: RobotPlaceName, value: RobotPlace, *, evidence_s: float | None = ...) -> None: ...
 
-    @overload
-    def set(self, name: FloatName, value: float, *, evidence_s: float | None = ...) -> None: ...
+        @overload
+        def set(self, name: KettleStateName, value: KettleState, *, evidence_s: float | None = ...) -> None: ...
 
-    @overload
-    def set(self, name: HobLevelName, value: HobLevel, *, evidence_s: float | None = ...) -> None: ...
+        @overload
+        def set(self, name: FloatName, value: float, *, evidence_s: float | None = ...) -> None: ...
 
-    @overload
-    def set(self, name: VariableName, value: Never, *, evidence_s: float | None = ...) -> None: ...
+        @overload
+        def set(self, name: HobLevelName, value: HobLevel, *, evidence_s: float | None = ...) -> None: ...
 
-    def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
-        """Write a variable as the main execution."""
-        super().set(name, value, evidence_s=evidence_s)
+        @overload
+        def set(self, name: VariableName, value: Never, *, evidence_s: float | None = ...) -> None: ...
 
-    @overload
-    def declare(self, name: BoolName, value: bool | None = None) -> None: ...
+        def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
+            """Write a variable as the main execution."""
 
-    @overload
-    def declare(self, name: RobotPlaceName, value: RobotPlace | None = None) -> None: ...
+        @overload
+        def declare(self, name: BoolName, value: bool | None = None) -> None: ...
 
-    @overload
-    def declare(self, name: KettleStateName, value: KettleState | None = None) -> None: ...
+        @overload
+        def declare(self, name: RobotPlaceName, value: RobotPlace | None = None) -> None: ...
 
-    @overload
-    def declare(self, name: FloatName, value: float | None = None) -> None: ...
+        @overload
+        def declare(self, name: KettleStateName, value: KettleState | None = None) -> None: ...
 
-    @overload
-    def declare(self, name: HobLevelName, value: HobLevel | None = None) -> None: ...
+        @overload
+        def declare(self, name: FloatName, value: float | None = None) -> None: ...
 
-    @overload
-    def declare(self, name: VariableName, value: None = None) -> None: ...
+        @overload
+        def declare(self, name: HobLevelName, value: HobLevel | None = None) -> None: ...
 
-    def declare(self, name: VariableName, value: Any = None) -> None:
-        """Take a variable into what the main execution needs, with a value if it knows one."""
-        super().declare(name, value)
+        @overload
+        def declare(self, name: VariableName, value: None = None) -> None: ...
 
-    @overload
-    def decide(
-        self,
-        name: BoolName,
-        otherwise: Callable[[], BoolAnswer],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> bool | BoolAnswer: ...
+        def declare(self, name: VariableName, value: Any = None) -> None:
+            """Take a variable into what the main execution needs, with a value if it knows one."""
 
-    @overload
-    def decide(
-        self,
-        name: RobotPlaceName,
-        otherwise: Callable[[], RobotPlaceAnswer],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> RobotPlace | RobotPlaceAnswer: ...
+        @overload
+        def decide(
+            self,
+            name: BoolName,
+            otherwise: Callable[[], BoolAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> bool | BoolAnswer: ...
 
-    @overload
-    def decide(
-        self,
-        name: KettleStateName,
-        otherwise: Callable[[], KettleStateAnswer],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> KettleState | KettleStateAnswer: ...
+        @overload
+        def decide(
+            self,
+            name: RobotPlaceName,
+            otherwise: Callable[[], RobotPlaceAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> RobotPlace | RobotPlaceAnswer: ...
 
-    @overload
-    def decide(
-        self,
-        name: FloatName,
-        otherwise: Callable[[], FloatAnswer],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> float | FloatAnswer: ...
+        @overload
+        def decide(
+            self,
+            name: KettleStateName,
+            otherwise: Callable[[], KettleStateAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> KettleState | KettleStateAnswer: ...
 
-    @overload
-    def decide(
-        self,
-        name: HobLevelName,
-        otherwise: Callable[[], HobLevelAnswer],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> HobLevel | HobLevelAnswer: ...
+        @overload
+        def decide(
+            self,
+            name: FloatName,
+            otherwise: Callable[[], FloatAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> float | FloatAnswer: ...
 
-    @overload
-    def decide(
-        self,
-        name: VariableName,
-        otherwise: Callable[[], Never],
-        *,
-        max_age_s: float = ...,
-        since_s: float = ...,
-        wait_up_to_s: float = ...,
-        shadow: bool = ...,
-    ) -> Any: ...
+        @overload
+        def decide(
+            self,
+            name: HobLevelName,
+            otherwise: Callable[[], HobLevelAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> HobLevel | HobLevelAnswer: ...
 
-    def decide(
-        self,
-        name: VariableName,
-        otherwise: Callable[[], Any],
-        *,
-        max_age_s: float = math.inf,
-        since_s: float = -math.inf,
-        wait_up_to_s: float = 0.0,
-        shadow: bool = False,
-    ) -> Any:
-        """Answer a decision from context, or fall back to sequential perception."""
-        return super().decide(
-            name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
-        )
+        @overload
+        def decide(
+            self,
+            name: VariableName,
+            otherwise: Callable[[], Never],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> Any: ...
+
+        def decide(
+            self,
+            name: VariableName,
+            otherwise: Callable[[], Any],
+            *,
+            max_age_s: float = math.inf,
+            since_s: float = -math.inf,
+            wait_up_to_s: float = 0.0,
+            shadow: bool = False,
+        ) -> Any:
+            """Answer a decision from context, or fall back to sequential perception."""
 
 
 def start(

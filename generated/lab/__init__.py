@@ -5,7 +5,7 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from codra_dsl.runtime import Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.model import ContextModel, ResourceModel
@@ -58,33 +58,28 @@ MODEL = ContextModel(
 class Lab(ContextManager[VariableName, SkillName]):
     """The context manager of 'lab', with the types of its values."""
 
-    def get(self, name: VariableName) -> Reading[bool]:
-        """Return what is known of a variable now."""
-        return super().get(name)
+    if TYPE_CHECKING:
 
-    def set(self, name: VariableName, value: bool, *, evidence_s: float | None = None) -> None:
-        """Write a variable as the main execution."""
-        super().set(name, value, evidence_s=evidence_s)
+        def get(self, name: VariableName) -> Reading[bool]:
+            """Return what is known of a variable now."""
 
-    def declare(self, name: VariableName, value: bool | None = None) -> None:
-        """Take a variable into what the main execution needs, with a value if it knows one."""
-        super().declare(name, value)
+        def set(self, name: VariableName, value: bool, *, evidence_s: float | None = None) -> None:
+            """Write a variable as the main execution."""
 
-    def decide(
-        self,
-        name: VariableName,
-        otherwise: Callable[[], BoolAnswer],
-        *,
-        max_age_s: float = math.inf,
-        since_s: float = -math.inf,
-        wait_up_to_s: float = 0.0,
-        shadow: bool = False,
-    ) -> bool | BoolAnswer:
-        """Answer a decision from context, or fall back to sequential perception."""
-        answer: BoolAnswer = super().decide(
-            name, otherwise, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow
-        )
-        return answer
+        def declare(self, name: VariableName, value: bool | None = None) -> None:
+            """Take a variable into what the main execution needs, with a value if it knows one."""
+
+        def decide(
+            self,
+            name: VariableName,
+            otherwise: Callable[[], BoolAnswer],
+            *,
+            max_age_s: float = math.inf,
+            since_s: float = -math.inf,
+            wait_up_to_s: float = 0.0,
+            shadow: bool = False,
+        ) -> bool | BoolAnswer:
+            """Answer a decision from context, or fall back to sequential perception."""
 
 
 def start(

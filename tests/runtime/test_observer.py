@@ -278,6 +278,22 @@ def test_alternatives_switch_with_the_situation() -> None:
     assert looked == [by_camera, by_sonar, by_camera, by_camera, unseen]
 
 
+def test_alternatives_switch_in_the_midst_of_a_job_both_ways() -> None:
+    camera, sonar = seen("camera", "a", when=[value("bright")]), seen("sonar", "a", when=[~value("bright")])
+    world = World({"camera": takes(2.0, YES), "sonar": takes(2.0, NO)})
+    clock = SimClock()
+    with started(alternatives(camera, sonar), world, clock) as manager:
+        manager.set("bright", True)
+        manager.declare("a")
+        for bright in (False, True):
+            clock.sleep(1)
+            manager.set("bright", bright)
+        clock.sleep(2.5)
+        assert manager.get("a").source == "camera"
+    assert world.calls[:3] == [("camera", 0.0), ("sonar", 1.0), ("camera", 2.0)]
+    assert events(manager, Kind.JOB, "sonar") == ["started", "cancelled"]
+
+
 def test_the_better_rank_alone_looks_while_it_delivers() -> None:
     world = World({"camera": takes(0.1, YES), "sonar": takes(0.1, NO)})
     clock = SimClock()

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.ledger import Ledger
@@ -15,8 +15,11 @@ from codra_dsl.runtime.journal.ledger import Ledger
 if TYPE_CHECKING:
     from codra_dsl.runtime.journal.head import Head
 
-_Noted = Reading[Value] | tuple[float, Reading[Value], bool]
-"""That a variable has a reading: when it was told, and whether it is the present one. Alone it is, from the first."""
+Noted = tuple[float, str, Value | None, Reason | None, str, float, str, bool]
+"""That a variable has a reading, before somebody asks for the event: when, and what of the reading is told.
+
+Python's collector never looks again at a tuple of plain values; at as many readings or events it would, for long.
+"""
 
 KEPT = 100_000
 """Events that a record keeps by default: some twenty minutes of a busy robot, and some 100 MB at most."""
@@ -35,7 +38,7 @@ class Record:
     def __init__(self, limit: float = KEPT) -> None:
         self.limit = limit
         self._most = 2 * limit
-        self._events: list[Event | _Noted] = []
+        self._events: list[Event | Noted] = []
         self._dropped = Ledger()
 
     def __iter__(self) -> Iterator[Event]:
@@ -53,10 +56,9 @@ class Record:
         if len(self._events) >= self._most:
             self._drop()
 
-    def note_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
+    def note(self, told: Noted) -> None:
         """Add that a variable has a reading; it becomes an event when somebody asks for it."""
-        is_told_by_itself = is_present and reading.identified_s == instant_s
-        self._events.append(reading if is_told_by_itself else (instant_s, reading, is_present))
+        self._events.append(told)
         if len(self._events) >= self._most:
             self._drop()
 
@@ -112,7 +114,7 @@ class Scribe:
             place: tells the place of an input among all that happens.
         """
         self.takes_inputs = record.takes_inputs
-        self._note_reading = record.note_reading if type(record).add is Record.add else self._add_reading
+        self._note = record.note if type(record).add is Record.add else self._add_at_once
         self._record = record
         self._clock = clock
         self._place = place
@@ -121,31 +123,32 @@ class Scribe:
         """Add an event that happens now."""
         self._record.add(Event(self._clock.now_s(), kind, name, what, details))
 
-    def tell_reading(self, reading: Reading[Value], is_present: bool) -> None:
+    def tell_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
         """Add that a variable has a reading, as its present one or in its history only."""
-        self._note_reading(self._clock.now_s(), reading, is_present)
+        content, reason, detail = reading.content, reading.reason, reading.detail
+        self._note((instant_s, reading.name, content, reason, detail, reading.evidence_s, reading.source, is_present))
 
     def tell_input(self, name: str, what: str, /, **details: object) -> None:
         """Add that something reached the context manager from outside, if the record wants to know."""
         if self.takes_inputs:
             self.tell(Kind.INPUT, name, what, **self._place(), **details)
 
-    def _add_reading(self, instant_s: float, reading: Reading[Value], is_present: bool) -> None:
-        """Add it as an event at once, for a record that does more than keep it."""
-        self._record.add(_event((instant_s, reading, is_present)))
+    def _add_at_once(self, told: Noted) -> None:
+        """Add an event, for a record that does more than keep it."""
+        self._record.add(_event(told))
 
 
-def _event(told: Event | _Noted) -> Event:
+def _event(told: Event | Noted) -> Event:
     """Return an event, which is made here of what was only noted."""
     if isinstance(told, Event):
         return told
-    instant_s, reading, is_present = (told.identified_s, told, True) if isinstance(told, Reading) else told
+    instant_s, name, content, reason, detail, evidence_s, source, is_present = told
     details = {
-        "value": reading.content,
-        "reason": reading.reason,
-        "detail": reading.detail,
-        "evidence_s": reading.evidence_s,
-        "source": reading.source,
+        "value": content,
+        "reason": reason,
+        "detail": detail,
+        "evidence_s": evidence_s,
+        "source": source,
         "present": is_present,
     }
-    return Event(instant_s, Kind.VARIABLE, reading.name, "identified" if reading.known else "unknown", details)
+    return Event(instant_s, Kind.VARIABLE, name, "identified" if reason is None else "unknown", details)

@@ -1,0 +1,150 @@
+"""What starting, stopping and changing cost: as much as they touch, however large the forest is. Steps are counted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from codra_dsl.logic import value
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.forest import Forest
+from codra_dsl.runtime.model import ContextModel
+from codra_dsl.runtime.observer import Observer
+from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, variable
+
+CHAINS, LINKS = 1_000, 10
+OBSERVERS = CHAINS * LINKS
+LAST = LINKS - 1
+
+
+def chains(number: int) -> ContextModel:
+    """Rows of ten observers, each of which needs the one before, and the first a variable of the main execution."""
+    names = [f"c{chain}_{link}" for chain in range(number) for link in range(LINKS)]
+    roots = [f"c{chain}" for chain in range(number)]
+    needs = [f"c{chain}" if not link else f"c{chain}_{link - 1}" for chain in range(number) for link in range(LINKS)]
+    looks = [seen("see_" + name, name, when=[value(need)]) for name, need in zip(names, needs, strict=True)]
+    observers = [observer(f"o_{name}", look) for name, look in zip(names, looks, strict=True)]
+    return forest([*map(given, roots), *map(variable, names)], *observers)
+
+
+def calls(act: Callable[[], object]) -> int:
+    """How many functions of Python are called, counted by the interpreter."""
+    counted = 0
+
+    def count(_frame: object, what: str, _argument: object) -> None:
+        nonlocal counted
+        counted += what == "call"
+
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        act()
+    finally:
+        sys.setprofile(before)
+    return counted
+
+
+@pytest.fixture(scope="module")
+def clock() -> SimClock:
+    return SimClock()
+
+
+@pytest.fixture(scope="module")
+def large(clock: SimClock) -> Iterator[Manager]:
+    model = chains(CHAINS)
+    with started(
+        model, World({f"see_{each.identifies[0]}": {"seen": True} for each in model.observers}), clock
+    ) as made:
+        yield made
+
+
+def ticked(act: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """The observers that are ticked meanwhile."""
+    told: set[str] = set()
+    tick = Forest._tick
+
+    def counted(self: Forest, each: Observer, now_s: float) -> list:
+        told.add(each.name)
+        return tick(self, each, now_s)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Forest, "_tick", counted)
+        act()
+    return told
+
+
+def test_declaring_one_variable_of_ten_thousand_starts_and_ticks_what_it_needs(
+    large: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = {f"o_c0_{link}" for link in range(LINKS)}
+    large.set("c0", True)
+
+    touched = ticked(lambda: (large.declare(f"c0_{LAST}"), clock.sleep(0.5)), monkeypatch)
+
+    assert len(large._forest.observers) == OBSERVERS
+    assert touched == large.running() == chain
+    assert ticked(lambda: large.withdraw(f"c0_{LAST}"), monkeypatch) == chain
+    assert large.running() == set()
+
+
+def test_starting_and_stopping_take_no_more_steps_in_a_larger_forest_or_when_more_runs(
+    large: Manager, clock: SimClock
+) -> None:
+    def there_and_back(manager: Manager) -> int:
+        again = [calls(lambda: (manager.declare(f"c1_{LAST}"), manager.withdraw(f"c1_{LAST}"))) for _ in range(2)]
+        return again[1]
+
+    with started(chains(2), World(), SimClock()) as small:
+        in_small = there_and_back(small)
+    alone = there_and_back(large)
+    for chain in range(10, 300):
+        large.declare(f"c{chain}_{LAST}")
+    clock.sleep(0.5)
+    beside_others = there_and_back(large)
+    large.declare(f"c2_{LAST}")
+
+    assert len(large.running()) == 291 * LINKS
+    assert in_small == alone == beside_others
+    assert in_small < 200 * LINKS
+
+
+def test_a_change_ticks_who_reads_it_and_a_confirmation_nobody(
+    large: Manager, clock: SimClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    large.declare(f"c3_{LAST}")
+    clock.sleep(0.1)
+
+    assert ticked(lambda: (large.set("c3", True), clock.sleep(0.0)), monkeypatch) == {
+        f"o_c3_{link}" for link in range(LINKS)
+    }
+    assert ticked(lambda: (large.set("c3", True), clock.sleep(0.0)), monkeypatch) == set()
+    assert ticked(lambda: (large.set("c3", False), clock.sleep(0.0)), monkeypatch) == {"o_c3_0"}
+
+
+def test_while_nothing_is_due_and_nothing_changes_nothing_is_done(large: Manager, clock: SimClock) -> None:
+    clock.sleep(3.0)
+    large.set("c3", False)
+    clock.sleep(0.1)
+
+    assert calls(lambda: clock.sleep(0.2)) < 10
+
+
+def test_each_of_many_looks_that_wait_for_one_slot_takes_the_same_number_of_steps() -> None:
+    def steps(number: int) -> int:
+        looks = [seen(f"see_{each}", f"v{each}", slots=("one",)) for each in range(number)]
+        model = forest(
+            [variable(f"v{each}") for each in range(number)],
+            *(observer(f"o{each}", look) for each, look in enumerate(looks)),
+            slots={"one": 1},
+        )
+        clock = SimClock()
+        with started(model, World({look.algorithm.name: {"seen": True} for look in looks}), clock) as manager:
+            for each in range(number):
+                manager.declare(f"v{each}")
+            taken = calls(lambda: clock.sleep(0.0))
+            assert all(manager.get(f"v{each}").known for each in range(number))
+        return taken
+
+    assert steps(400) / 400 < 1.2 * steps(50) / 50
