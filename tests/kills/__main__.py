@@ -1,4 +1,4 @@
-"""Kills writers of journals and says what was lost: `python -m tests.kills TRIALS SEED [ROBOTS]`."""
+"""Kills writers of journals and says what was lost: `python -m tests.kills WRITERS SEED ROBOTS`."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def robots(trials: int, seed: int) -> int:
 
 
 if __name__ == "__main__":
-    writers, seed, robots_killed = (int(each) for each in (*sys.argv[1:], "1", "0")[:3])
+    writers, seed, robots_killed = (int(each) for each in sys.argv[1:4])
     failed = main(writers, seed)
     sys.exit(failed or (robots(robots_killed, seed) if robots_killed else 0))

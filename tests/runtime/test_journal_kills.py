@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 def test_a_killed_writer_loses_nothing_that_it_had_told_of() -> None:
     """Each journal recovers, opens in the reader of MCAP's makers, has no gap, and its replay equals it."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.kills", "40", "7"], cwd=ROOT, check=False, text=True, capture_output=True
+        [sys.executable, "-m", "tests.kills", "40", "7", "0"], cwd=ROOT, check=False, text=True, capture_output=True
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
