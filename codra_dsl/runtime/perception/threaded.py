@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 
 from codra_dsl.isolation.messages import described
 from codra_dsl.isolation.perceiver import Perceiver
+from codra_dsl.runtime.clock import Cancelled
 from codra_dsl.runtime.model import Algorithm
 from codra_dsl.runtime.perception.calls import Function, ToldError
 from codra_dsl.runtime.perception.job import RunningJob
@@ -42,6 +43,8 @@ class Threaded:
                     self._perceiver.setup({**self._algorithm.parameters, **handles})
                 except (Exception, SystemExit) as error:
                     raise ToldError(f"setup: {described(error)}") from error
+                if job.cancelled:
+                    raise Cancelled
             return self._perceiver.perceive(**given, **handles, job=job)
 
     def give_up(self) -> None:
