@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from hypothesis import given as given_values
+from hypothesis import settings
+from hypothesis import strategies as st
+
 from codra_dsl.logic import value
 from codra_dsl.runtime import ContextModel, Reason, SimClock
 from codra_dsl.runtime.model import SkillModel
@@ -154,3 +158,48 @@ def test_an_alternative_looks_on_events_as_well() -> None:
         clock.sleep(30.0)
         assert manager.get("a").source == "ear"
     assert (world.asked_s("eye"), world.asked_s("ear")) == ([0.0], [0.0])
+
+
+@settings(deadline=None)
+@given_values(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["near", "far", "declare", "withdraw", "push", "watch", "speak", "set", "blind", "see"]),
+            st.sampled_from([0.0, 0.3, 1.0, 2.0, 7.0]),
+        ),
+        max_size=25,
+    ),
+    st.sampled_from([0.0, 0.4, 3.0]),
+    st.sampled_from(["keep", "forget"]),
+)
+def test_whatever_has_happened_it_is_seen_after_the_last_acting_and_then_left_in_peace(
+    steps: list[tuple[str, float]], takes_s: float, when_unobservable: str
+) -> None:
+    clock, world, acted_s = SimClock(), World({"look": takes(takes_s, SEEN)}), 0.0
+    with started(a_model(when_unobservable=when_unobservable), world, clock) as manager:
+        for what, pause_s in steps:
+            if what in ("near", "far"):
+                manager.set("near", what == "near")
+            elif what == "declare":
+                manager.declare("a")
+            elif what == "withdraw":
+                manager.withdraw("a")
+            elif what == "set" and "a" in manager.declared():
+                manager.set("a", False)
+            elif what in ("blind", "see"):
+                world.finds["look"] = takes(takes_s, SEEN if what == "see" else {})
+            elif what in ("push", "watch", "speak"):
+                with manager.skill(what) as skill, skill.acting():
+                    clock.sleep(pause_s)
+                acted_s = clock.now_s()
+            clock.sleep(pause_s)
+        world.finds["look"] = takes(takes_s, SEEN)
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(15.0)
+        reading = manager.get("a")
+        assert reading.known
+        assert reading.start_s >= acted_s
+        looked = len(world.asked_s("look"))
+        clock.sleep(100.0)
+        assert len(world.asked_s("look")) == looked

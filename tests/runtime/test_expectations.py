@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given as given_values
+from hypothesis import settings
+from hypothesis import strategies as st
 
 from codra_dsl.logic import value
 from codra_dsl.runtime import (
@@ -339,3 +342,75 @@ def test_expectations_are_derived_anew_from_a_journal(tmp_path: Path) -> None:
     assert (replayed.difference, replayed.derived[Kind.EXPECTATION]) == (None, len(kinds))
     assert {"met", "violated"} <= set(kinds)
     assert (tmp_path / "copy.mcap").read_bytes() == path.read_bytes()
+
+
+# Against what the record says of the variables
+
+
+def outcomes_by_hand(states: list[tuple[float, bool | None]], acting_s: float, acted_s: float, end_s: float) -> Any:
+    """What comes of a variable that is to become true within 2.05 s, and of one that is to stay so, by its states."""
+
+    def judged(deadline_s: float, by_deadline: dict[bool | None, str], at_once: bool) -> list[str]:
+        told: list[str] = []
+        moments = [(at_s, state) for at_s, state in states if at_s < end_s]
+        before = [state for at_s, state in moments if at_s <= acting_s]
+        timeline = [(acting_s, before[-1] if before else None), *(each for each in moments if each[0] > acting_s)]
+        last: bool | None = None
+        is_over = False
+        for at_s, state in [*timeline, (end_s, None)]:
+            if told[-1:] in (["met"], ["violated"]):
+                break
+            if not is_over and at_s > deadline_s:
+                is_over = True
+                told.append(by_deadline[last])
+            if at_s == end_s or told[-1:] in (["met"], ["violated"]):
+                break
+            last = state
+            if state is at_once:
+                told.append("met" if at_once else "violated")
+            elif state is not None and is_over:
+                told.append("violated" if at_once else "met")
+        return told if told else ["not_seen"]
+
+    becomes = judged(acting_s + 2.05, {False: "violated", None: "not_seen", True: "met"}, at_once=True)
+    stays = judged(acted_s, {True: "met", None: "not_seen", False: "violated"}, at_once=False)
+    return becomes, stays
+
+
+STEPS = st.lists(st.tuples(st.sampled_from(["open", "shut", "wait"]), st.sampled_from([0.3, 0.7, 1.1])), max_size=8)
+
+
+@settings(deadline=None)
+@given_values(before=STEPS, during=STEPS, after=STEPS)
+def test_whatever_happens_outcomes_follow_from_what_context_held(
+    before: list[tuple[str, float]], during: list[tuple[str, float]], after: list[tuple[str, float]]
+) -> None:
+    becomes = ExpectationModel(text="open becomes true", condition=value("open"), within_s=2.05)
+    stays = ExpectationModel(text="open stays true", condition=value("open"))
+    skill = SkillModel(name="pull", monitor=("open",), changes=("open",), expects=(becomes, stays))
+    model, clock = forest([given("open", valid_for_s=1.93)], skills=[skill]), SimClock()
+
+    def play(manager: Manager, steps: list[tuple[str, float]]) -> None:
+        for what, pause_s in steps:
+            if what != "wait":
+                manager.set("open", what == "open")
+            clock.sleep(pause_s)
+
+    with started(model, World(), clock) as manager:
+        with manager.skill("pull") as pull:
+            play(manager, before)
+            acting_s = clock.now_s()
+            with pull.acting():
+                clock.sleep(0.01)
+                play(manager, during)
+            acted_s = clock.now_s()
+            clock.sleep(0.01)
+            play(manager, after)
+            end_s = clock.now_s()
+        states = [(event.instant_s, event.details["value"]) for event in manager.record.of(Kind.VARIABLE)]
+        expectations = manager.record.of(Kind.EXPECTATION)
+        told = [
+            [event.what for event in expectations if event.details["expected"] == each.text]
+            for each in (becomes, stays)
+        ]
+    assert tuple(told) == outcomes_by_hand(states, acting_s, acted_s, end_s)

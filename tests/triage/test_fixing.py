@@ -120,7 +120,7 @@ LISTED = spec().replace(
         # One fix after the other
         (spec().replace("preview: [pot_full", "perview: [pot_ful"), spec()),
         (
-            KITCHEN.replace(UNUSED, "").replace("pot_full]", "pot_full]  # codra: ignore[CDR7102, CDR7113] x"),
+            KITCHEN.replace(UNUSED, "").replace("pot_full]", "pot_full]  # codra: ignore[CDR7102, CDR7103] x"),
             KITCHEN.replace(UNUSED, ""),
         ),
     ],

@@ -58,7 +58,7 @@ def test_settings_are_read(tmp_path: Path) -> None:
     [
         ('ignore = ["CDR71"]', "CDR7102", False),
         ('ignore = ["CDR71"]', "CDR7901", True),
-        ('select = ["CDR71"]', "CDR3024", False),
+        ('select = ["CDR71"]', "CDR3030", False),
         ('select = ["CDR7102"]\nignore = ["CDR71"]', "CDR7102", True),
         ('select = ["CDR71"]\nignore = ["CDR7102"]', "CDR7102", False),
         ('select = ["CDR71"]', "CDR3101", True),
