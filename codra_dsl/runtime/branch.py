@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from codra_dsl.logic import Term, Value, known
-from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import BEFORE_ALL_S, Cell, Reason
 from codra_dsl.runtime.evidence import Present, first_loss, held, told_from_s
-from codra_dsl.runtime.journal import Kind, Scribe
-from codra_dsl.runtime.model import Algorithm, NotOfTypeError, VariableModel
-from codra_dsl.runtime.perception import Account, Attempt, Failure, Interval, Perception, Result, State
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.model import Algorithm, NotOfTypeError
+from codra_dsl.runtime.perception import Account, Attempt, Failure, Interval, Result, State
 from codra_dsl.runtime.setbacks import Setback
 from codra_dsl.runtime.steadiness import Between, Confirmed, Tally, Told
 
@@ -24,43 +23,6 @@ SHORTEST_PERIOD_S = 0.01
 
 INSTANT_S = 1e-6
 """So long after a skill has begun to act a look sees what it changes."""
-
-
-class Surroundings(Protocol):
-    """What an observer sees of the context manager."""
-
-    @property
-    def cells(self) -> Mapping[str, Cell]:
-        """Return all variables."""
-        ...
-
-    @property
-    def variables(self) -> Mapping[str, VariableModel]:
-        """Return how they are declared."""
-        ...
-
-    @property
-    def perception(self) -> Perception:
-        """Return what runs jobs."""
-        ...
-
-    @property
-    def attention(self) -> Attention:
-        """Return what knows when to look on events."""
-        ...
-
-    @property
-    def scribe(self) -> Scribe:
-        """Return what tells the record."""
-        ...
-
-    def now_s(self) -> float:
-        """Return the present instant."""
-        ...
-
-    def urgency(self, observer: str) -> int:
-        """Return how soon the main execution needs what an observer identifies, the sooner the larger."""
-        ...
 
 
 class Branch:

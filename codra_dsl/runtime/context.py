@@ -7,7 +7,7 @@ import math
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar, cast
 
@@ -15,7 +15,7 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.logic import Term, Value, known
 from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.attention import Attention
-from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
+from codra_dsl.runtime.cell import FOREVER_S, Reading, Reason
 from codra_dsl.runtime.clock import Clock, LockedClock
 from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.declarations import MAIN
@@ -37,6 +37,7 @@ from codra_dsl.runtime.skills import Skill
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.subscriptions import Subscription, Subscriptions
+from codra_dsl.runtime.surroundings import Surroundings
 from codra_dsl.runtime.waiting import wait_for
 from codra_dsl.runtime.why import Why, explain
 
@@ -44,23 +45,6 @@ VariableName = TypeVar("VariableName", bound=str)
 SkillName = TypeVar("SkillName", bound=str)
 
 __all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
-
-
-@dataclass(frozen=True, slots=True)
-class _Surroundings:
-    """What observers see of the context manager."""
-
-    cells: Mapping[str, Cell]
-    variables: Mapping[str, VariableModel]
-    perception: Perception
-    attention: Attention
-    scribe: Scribe
-    clock: Clock
-
-    urgency: Callable[[str], int]
-
-    def now_s(self) -> float:
-        return self.clock.now_s()
 
 
 class ContextManager(Generic[VariableName, SkillName]):
@@ -116,9 +100,15 @@ class ContextManager(Generic[VariableName, SkillName]):
         )
         self._subscriptions = Subscriptions(clock, self._lock)
         self._expectations = Expectations(self._store, self._clock, self._scribe, self._subscriptions.judged)
-        cells, variables, attention = self._store.cells, self._store.variables, Attention()
-        surroundings = _Surroundings(
-            cells, variables, self._perception, attention, self._scribe, self._clock, self._urgency
+        attention = Attention()
+        surroundings = Surroundings(
+            cells=self._store.cells,
+            variables=self._store.variables,
+            perception=self._perception,
+            attention=attention,
+            scribe=self._scribe,
+            clock=self._clock,
+            urgency=lambda observer: self.inputs.urgency(observer),
         )
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
         observers = self._forest.observers.values()
@@ -459,14 +449,7 @@ class ContextManager(Generic[VariableName, SkillName]):
     def _head(self, seed: int) -> Head:
         """Return what a journal says of this run."""
         manifest = manifest_of(package_folder(self))
-        return Head(
-            spec=self.model.name,
-            file=str(manifest.get("spec", "")),
-            model=str(manifest.get("model", "")),
-            seed=seed,
-            start_s=self._clock.now_s(),
-            outline=self._outlined(),
-        )
+        return Head.of_run(self._outlined(), manifest, seed=seed, start_s=self._clock.now_s())
 
     def _outlined(self) -> Outline:
         return outlined(
@@ -504,9 +487,6 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise unknown("skill", name, self._skills)
         return self._skills[name]
 
-    def _urgency(self, observer: str) -> int:
-        return self.inputs.urgency(observer)
-
     def _changed(self, name: str, is_renewed: bool) -> None:
         self._forest.changed(name, is_renewed)
         self._expectations.changed(name)
@@ -517,7 +497,4 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.inputs.write(name, self._model(name).type.convert(value), writer, evidence_s)
 
     def _observer_stopped(self, observer: Observer) -> None:
-        for name in observer.model.identifies:
-            forgets = self._store.variables[name].when_unobservable == "forget"
-            if forgets and self._store.reading(name).known:
-                self._store.make_unknown(name, Reason.WITHDRAWN, observer.name, MAIN)
+        self._store.forget(observer.model.identifies, observer.name)

@@ -14,8 +14,9 @@ from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.journal import Kind, Scribe
 from codra_dsl.runtime.model import ObserverModel
-from codra_dsl.runtime.observer import Observer, Surroundings
+from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.perception import described
+from codra_dsl.runtime.surroundings import Surroundings
 
 MAX_ROUNDS = 100
 """Rounds at one instant before feedback that does not come to rest has to wait."""

@@ -10,14 +10,15 @@ from operator import and_, or_
 from py_trees.behaviour import Behaviour
 
 from codra_dsl.logic import Term, Value, reads_ages
-from codra_dsl.runtime.branch import Branch, Surroundings
+from codra_dsl.runtime.branch import Branch
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.evidence import Present, Watch
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.model import Algorithm, ObserverModel
 from codra_dsl.runtime.setbacks import Setback, decisive
+from codra_dsl.runtime.surroundings import Surroundings
 
-__all__ = ["Branch", "Observer", "Surroundings"]
+__all__ = ["Branch", "Observer"]
 
 
 class Observer:

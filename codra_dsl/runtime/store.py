@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import FOREVER_S, Cell, Reading, Reason
 from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.declarations import MAIN
 from codra_dsl.runtime.journal import Scribe
 from codra_dsl.runtime.model import VariableModel
 
@@ -63,6 +64,12 @@ class Store:
         """Make a variable unknown because a skill changes it; evidence that is being taken does not count."""
         self.cells[name].invalidated_s = self._clock.now_s()
         self.make_unknown(name, Reason.INVALIDATED, skill, source)
+
+    def forget(self, names: Iterable[str], observer: str) -> None:
+        """Make unknown, of what an observer that stops identifies, what is to be forgotten when nobody looks."""
+        for name in names:
+            if self.variables[name].when_unobservable == "forget" and self.reading(name).known:
+                self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
 
     def _watch_expiry(self, reading: Reading[Value]) -> None:
         if reading.expires_s != FOREVER_S and reading.name not in self._expiring:

@@ -38,6 +38,12 @@ class Head:
     codra: str = __version__
     python: str = ".".join(map(str, sys.version_info[:3]))
 
+    @classmethod
+    def of_run(cls, outline: Outline, manifest: Mapping[str, Any], *, seed: int, start_s: float) -> Self:
+        """Return the head of a run that begins, given what the manifest of its package says."""
+        file, model = str(manifest.get("spec", "")), str(manifest.get("model", ""))
+        return cls(spec=outline.name, file=file, model=model, seed=seed, start_s=start_s, outline=outline)
+
     def plain(self) -> dict[str, Any]:
         """Return all but the outline as plain data."""
         return {

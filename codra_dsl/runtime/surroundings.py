@@ -1,0 +1,40 @@
+"""What an observer sees of the context manager."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.runtime.attention import Attention
+from codra_dsl.runtime.cell import Cell
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.journal import Scribe
+from codra_dsl.runtime.model import VariableModel
+from codra_dsl.runtime.perception import Perception
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What an observer sees of the context manager.
+
+    Attributes:
+        cells: all variables.
+        variables: how they are declared.
+        perception: runs jobs.
+        attention: knows when to look on events.
+        scribe: tells the record.
+        clock: real or simulated time.
+        urgency: returns how soon a decision needs what an observer, by its name, identifies.
+    """
+
+    cells: Mapping[str, Cell]
+    variables: Mapping[str, VariableModel]
+    perception: Perception
+    attention: Attention
+    scribe: Scribe
+    clock: Clock
+    urgency: Callable[[str], int]
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self.clock.now_s()
