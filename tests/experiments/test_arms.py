@@ -17,12 +17,12 @@ context:
   open: {type: bool, valid_for: 5 s}
 perception:
   look_from_afar:
-    call: builtins:dict
+    call: builtins:print
     rank: 2
     returns: {gap: {type: float, unit: m, optional: true}}
     identifies: {open: gap > 40 cm}
   look:
-    call: builtins:dict
+    call: builtins:print
     returns: {gap: {type: float, unit: m, optional: true}}
     identifies: {near: gap > 41 cm, open: gap > 42 cm}
 skills:
