@@ -108,7 +108,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             attention=attention,
             scribe=self._scribe,
             clock=self._clock,
-            urgency=lambda observer: self.inputs.urgency(observer),
+            urgency=lambda observer: self.inputs.urgency(observer),  # noqa: PLW0108 - inputs come later
         )
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
         observers = self._forest.observers.values()
