@@ -14,7 +14,7 @@ from typing import Any
 
 from codra_dsl.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_dsl.experiments.scoring import Piece, Score, held_pieces, pieces, score
-from codra_dsl.runtime import Clock, ContextManager, Journal, Record, SimClock, WallClock
+from codra_dsl.runtime import Clock, ContextManager, Journal, Record, SimClock, Spent, WallClock
 from codra_dsl.runtime.context import MAIN
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
@@ -69,6 +69,7 @@ class LabRun:
         error: the main execution's unrecoverable error, if that ended it.
         decisions: how many decisions were `answered` from context, by what an observer saw (`OBSERVED`) or what the
             main execution itself had found out before, and how many `fell_back`, by variable.
+        spent: what each observer of the first arm cost and brought.
         pictures: frames at telling moments, by a name that tells the moment.
     """
 
@@ -79,6 +80,7 @@ class LabRun:
     arms: Sequence[Arm]
     truth: Mapping[str, Sequence[Piece]]
     decisions: Mapping[str, Counter[str]]
+    spent: Mapping[str, Spent]
     pictures: Mapping[str, Frame]
 
 
@@ -145,6 +147,7 @@ def run_lab(start: Start, settings: LabSettings, start_naive: Start | None = Non
             arms=arms,
             truth=truth,
             decisions=_decisions(codra.record),
+            spent=codra.spent(),
             pictures={name: frames.frame_at(instant_s) for name, instant_s in _moments(arms, truth).items()},
         )
 

@@ -10,14 +10,18 @@ from types import MappingProxyType
 from codra_dsl.experiments.lab import OBSERVED, Arm, LabRun
 from codra_dsl.experiments.pictures import draw_timeline
 from codra_dsl.experiments.tables import score_table, text_table
+from codra_dsl.runtime import Spent
 from codra_dsl.worlds.lab.drawing import draw_detections
 
+_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
+_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot s"})
 _ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these observed", "fell_back": "fell back"})
 
 
 def run_text(run: LabRun) -> str:
     """Return the tables of a run."""
-    return "\n".join((_summary(run), *(_arm_text(arm) for arm in run.arms), _jobs_text(run), _decisions_text(run)))
+    tables = (_jobs_text(run), _spent_text(run), _decisions_text(run))
+    return "\n".join((_summary(run), *(_arm_text(arm) for arm in run.arms), *tables))
 
 
 def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
@@ -57,6 +61,15 @@ def _jobs_text(run: LabRun) -> str:
     rows = [(name, *(str(arm.jobs.get(name, 0)) for arm in run.arms)) for name in names]
     total = ("all", *(str(sum(arm.jobs.values())) for arm in run.arms))
     return text_table(("jobs started", *(arm.name for arm in run.arms)), [*rows, total])
+
+
+def _spent_text(run: LabRun) -> str:
+    everything = sum(run.spent.values(), Spent())
+    rows = [
+        (name, *(str(getattr(spent, each)) for each in _ENDS), *(f"{getattr(spent, each):.1f}" for each in _TIMES))
+        for name, spent in {**run.spent, "all": everything}.items()
+    ]
+    return text_table((f"spent by {run.arms[0].name}", *_ENDS, *_TIMES.values()), rows)
 
 
 def _decisions_text(run: LabRun) -> str:

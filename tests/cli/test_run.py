@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -75,6 +76,7 @@ def test_perception_that_raises_hangs_or_errs_costs_its_own_variables_and_nothin
 
     assert (process.returncode, "Traceback" in errors) == (0, False)
     assert output.startswith("4.0 s, 0 sample-processing loops")
+    assert re.search(r"^centrifuge_distance +0 +0 +0 +[1-9]", output, re.MULTILINE), "whose jobs all fail"
     assert {found["centrifuge_in_observable_distance"], found["pcr_cycler_in_manipulation_distance"]} == {"failed"}
     assert "timed_out" in {found.get("centrifuge_lid_in_FOV"), found.get("pcr_cycler_lid_in_FOV")}
     assert "failed" in {found.get("centrifuge_open"), found.get("pcr_cycler_open")}
