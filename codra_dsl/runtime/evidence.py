@@ -70,8 +70,11 @@ def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) ->
 
 
 def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
-    """Return whether a present reading was the one at every instant from `start_s` to `end_s`."""
-    return reading.evidence_s <= start_s and end_s < reading.expires_s
+    """Return whether a present reading was the one at every instant from `start_s` to `end_s`.
+
+    One that is stale was not: it keeps the instant of its evidence, and was known until it expired.
+    """
+    return reading.reason is None and reading.evidence_s <= start_s and end_s < reading.expires_s
 
 
 def first_loss(

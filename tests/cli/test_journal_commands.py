@@ -164,7 +164,7 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     about = codra("journal", "show", "run.mcap", "--about", "door_near", "--about", "light_level", cwd=project)
 
     assert decisions.stdout == (
-        '4 s  decision door_open answered  {"value":true,"asked_s":4.0,"source":"look_at_door"}\n'
+        '4 s  decision door_open answered  {"value":true,"asked_s":4.0,"source":"look_at_door","skill":"open_door"}\n'
     )
     assert decisions.stdout in all_of_it.stdout
     assert [line.split("  ")[1] for line in about.stdout.splitlines()] == [

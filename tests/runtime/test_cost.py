@@ -129,22 +129,3 @@ def test_while_nothing_is_due_and_nothing_changes_nothing_is_done(large: Manager
     clock.sleep(0.1)
 
     assert calls(lambda: clock.sleep(0.2)) < 10
-
-
-def test_each_of_many_looks_that_wait_for_one_slot_takes_the_same_number_of_steps() -> None:
-    def steps(number: int) -> int:
-        looks = [seen(f"see_{each}", f"v{each}", slots=("one",)) for each in range(number)]
-        model = forest(
-            [variable(f"v{each}") for each in range(number)],
-            *(observer(f"o{each}", look) for each, look in enumerate(looks)),
-            slots={"one": 1},
-        )
-        clock = SimClock()
-        with started(model, World({look.algorithm.name: {"seen": True} for look in looks}), clock) as manager:
-            for each in range(number):
-                manager.declare(f"v{each}")
-            taken = calls(lambda: clock.sleep(0.0))
-            assert all(manager.get(f"v{each}").known for each in range(number))
-        return taken
-
-    assert steps(400) / 400 < 1.2 * steps(50) / 50

@@ -75,6 +75,14 @@ def test_the_end_of_validity_breaks_it_unless_newer_evidence_is_there() -> None:
     assert not held(A, cells(1.0, a=[(1.5, True)]), 2, 2.5)
 
 
+def test_an_interval_before_the_end_of_validity_is_judged_the_same_after_it() -> None:
+    readings = cells(valid_for_s=5.0, a=[(0, True)])
+    assert held(A, readings, 1, 2) is True
+    assert readings["a"].expire(5.0)
+    assert held(A, readings, 1, 2) is True
+    assert held(A, readings, 4, 5) is False
+
+
 def test_an_age_that_passes_its_limit_breaks_it() -> None:
     fresh = age("a") < 2.0
     assert held(fresh, cells(a=[(1, 1), (2.5, 1)]), 2, 4)
