@@ -101,7 +101,7 @@ class Crowd:
             for _ in range(PER_ROUND):
                 self._blaming(member.act)
             try:
-                self._barrier.wait(self.patience_s)
+                self._barrier.wait(10 * self.patience_s)
             except (threading.BrokenBarrierError, AssertionError):
                 if not self.figures.mistakes:
                     self._blame("not all threads come to the end of their round" + stacks())
