@@ -73,7 +73,8 @@ class Crowd:
         for thread in (*workers, postman):
             thread.start()
         for thread in (*workers, postman):
-            thread.join()
+            while thread.is_alive() and not self.figures.mistakes:
+                thread.join(0.1)
         self.figures.jobs = self.perception.calls
         if not self.figures.mistakes:
             self._blaming(self._judge_the_end)
