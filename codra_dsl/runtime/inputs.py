@@ -218,15 +218,17 @@ class Inputs:
         name, shadow = decision.demand.variable, decision.demand.shadow
         with self._clock:
             self._tell("found", number=decision.number, value=found, raised=raised)
+            self._urgencies.answer(decision.number)  # it may have been given up while it waited
             what = "shadowed" if decision.met else "fell_back"
+            marks = {"shadow": True} if shadow and not decision.met else {}
             if raised is not None:
-                self._decided(what, decision, raised=raised)
+                self._decided(what, decision, raised=raised, **marks)
                 return
             is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
             keeps = not shadow and found is not None and not is_void and self._may_write(name)
             about: dict[str, object] = {"found": found}
             if not decision.met:
-                about |= {"kept": keeps, **({"shadow": True} if shadow else {})}
+                about |= {"kept": keeps, **marks}
             elif found is not None:
                 about["agrees"] = found == decision.reading.content
             self._decided(what, decision, **about)

@@ -89,6 +89,9 @@ class Store:
 
 def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
     """Return, of two readings of the same content, whether the first was known or unknown like the second until now."""
+    if before.reason is not None and reading.reason is not None:
+        # what is found out of the time before a value went stale changes the past
+        return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
     if before.reason is not None or reading.reason is not None:
-        return before.reason is not None and reading.reason is not None
+        return False
     return before.expires_s > reading.identified_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from codra_dsl.logic import Term
@@ -19,16 +20,24 @@ def wait_for(term: Term, cells: Mapping[str, Cell], clock: Clock, timeout_s: flo
         clock: in which to wait.
         timeout_s: how long at most.
     """
+    until_s = end_s = clock.now_s() + timeout_s
+    held = False
 
-    def holds() -> bool:
-        return term.holds(Present(cells, clock.now_s()))
-
-    end_s = clock.now_s() + timeout_s
-    while True:  # ages grow although nothing happens: look again when a comparison with one changes
+    def flips_at_s() -> float:
         now_s = clock.now_s()
         flips_s = term.flips_s(Present(cells, now_s))
-        until_s = end_s if flips_s is None else min(now_s + flips_s, end_s)
-        if clock.wait_until(holds, max(until_s - now_s, 0.0)):
+        return math.inf if flips_s is None else now_s + flips_s
+
+    def is_told() -> bool:
+        """Return whether the condition holds, or may come to hold by time alone sooner than it could before."""
+        nonlocal held
+        held = term.holds(Present(cells, clock.now_s()))
+        return held or flips_at_s() < until_s - PUNCTUAL_S
+
+    while True:  # ages grow although nothing happens: look again when a comparison with one changes
+        until_s = min(end_s, flips_at_s())
+        was_told = clock.wait_until(is_told, max(until_s - clock.now_s(), 0.0))
+        if held:
             return True
-        if until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S:  # over, or the clock was closed
+        if not was_told and (until_s == end_s or clock.now_s() < until_s - PUNCTUAL_S):  # over, or the clock was closed
             return False

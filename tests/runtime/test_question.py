@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.runtime import ContextManager, Journal, Kind, NotOfTypeError, SimClock, Step
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.urgency import Urgency
 from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journals import read
 
@@ -76,6 +77,17 @@ def test_nothing_can_be_found_that_nobody_was_to_look_for() -> None:
             question.found(False)
         with pytest.raises(RuntimeError, match="has not answered"):
             _ = manager.ask("open", since_s=math.inf).value
+
+
+def test_a_decision_that_was_given_up_while_it_waited_is_urgent_no_more() -> None:
+    with started(Door()) as (manager, _):
+        manager.declare("open")
+        urgency = manager.inputs.urgency
+        assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
+        question = manager.ask("open", since_s=math.inf, wait_up_to_s=5.0)
+        assert Urgency.WAITED_FOR in {urgency(name) for name in manager.running()}
+        question.abandon("interrupted")
+        assert {urgency(name) for name in manager.running()} == {Urgency.DECLARED}
 
 
 def test_a_run_with_decisions_that_were_given_up_replays(tmp_path: Path) -> None:

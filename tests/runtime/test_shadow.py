@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
 from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
@@ -82,6 +83,20 @@ def test_nothing_that_is_seen_in_shadow_mode_is_kept() -> None:
     with started(MODEL, World()) as manager:
         manager.decide("weight", lambda: 1.0, shadow=True)
         assert not manager.get("weight").known
+
+
+def test_a_look_that_raises_counts_as_a_decision_whether_context_had_an_answer_or_not() -> None:
+    def looks() -> bool:
+        raise ValueError("no picture")
+
+    with started(forest([given("a")]), World()) as manager:
+        for known in (False, True):
+            if known:
+                manager.set("a", value=True)
+            with pytest.raises(ValueError, match="no picture"):
+                manager.decide("a", looks, shadow=True)
+        (row,) = manager.shadow_report().rows
+    assert (row.decisions, row.unknown, row.unseen) == (2, {"never_observed": 1}, 1)
 
 
 def a_journal(path: Path) -> ContextManager[Any, Any]:

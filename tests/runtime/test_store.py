@@ -130,3 +130,27 @@ def test_an_invalidation_names_the_skill() -> None:
         with manager.skill("turn") as skill, skill.acting():
             readings = [manager.get(name) for name in ("x", "y")]
     assert [(reading.reason, reading.detail) for reading in readings] == [(Reason.INVALIDATED, "turn")] * 2
+
+
+def test_what_is_found_out_of_the_time_before_a_value_went_stale_is_told_to_who_reads_it() -> None:
+    clock = SimClock()
+    look = seen("look", "a", timeout_s=5.0)
+    watch = seen("watch", "c", when=[known("a") | known("b")])
+    model = forest(
+        [variable("a", valid_for_s=4.0), given("b"), variable("c", when_unobservable="forget")],
+        observer("o_a", look, period_s=2.0),
+        observer("o_c", watch, period_s=100.0),
+    )
+    world = World(
+        {"look": lambda job: {"seen": True} if job.now_s() < 1.0 else job.sleep(9.0), "watch": {"seen": True}}
+    )
+    with started(model, world, clock) as manager:
+        manager.declare("a")
+        manager.declare("c")
+        clock.sleep(3.0)
+        manager.set("b", value=True)
+        clock.sleep(2.0)
+        assert (manager.get("a").reason, manager.get("c").value) == (Reason.STALE, True)
+        clock.sleep(2.0)  # now the look of the second 2 has timed out: from there on nobody knew
+        assert (manager.get("a").reason, manager.get("c").reason) == (Reason.TIMED_OUT, Reason.FORGOTTEN)
+        assert manager.get("c").evidence_s == 2.0

@@ -249,6 +249,14 @@ def test_waiting_for_an_age_ends_though_nothing_else_happens() -> None:
         assert manager.wait_for(age("n") > 0.2, PATIENCE_S) is True
 
 
+def test_waiting_for_an_age_ends_though_the_variable_is_known_only_meanwhile() -> None:
+    clock = SimClock()
+    with started(MODEL, World(), clock) as manager:
+        clock.call_at(5.0, lambda: manager.set("a", True))
+        assert manager.wait_for(age("a") > 4.0, 60.0) is True
+        assert 9.0 < clock.now_s() < 9.1
+
+
 def test_waiting_for_what_the_spec_lacks_is_an_error() -> None:
     with started(MODEL, World()) as manager:
         for condition in ("m", value("n") > known("m")):
