@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.model import ResourceModel
@@ -68,7 +68,8 @@ class Slots:
         self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
         self._all = dict(self._free)
         self._main: Counter[str] = Counter()
-        self._users_s: dict[str, list[float]] = {}
+        self._users: Counter[str] = Counter()
+        self._longest_s: dict[str, float] = {}
         self._queue: dict[int, Ticket] = {}
         self._requests = 0
         self._counted_s = clock.now_s()
@@ -82,7 +83,8 @@ class Slots:
     def expect(self, slots: Iterable[str], timeout_s: float) -> None:
         """Say that there is an algorithm whose jobs use some slots for so long at most."""
         for slot in slots:
-            self._users_s.setdefault(slot, []).append(timeout_s)
+            self._users[slot] += 1
+            self._longest_s[slot] = max(timeout_s, self._longest_s.get(slot, 0.0))
 
     def request(
         self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], lasts_s: float = 0.0
@@ -113,17 +115,18 @@ class Slots:
     def _grant_all(self) -> None:
         self._is_due = False
         self._grow_older()
-        while self._grant_next():
-            pass
+        waiting = sorted(self._queue.values(), key=Ticket.rank)
+        while self._grant_next(waiting):
+            waiting = [ticket for ticket in waiting if ticket.number in self._queue]
 
-    def _grant_next(self) -> bool:
-        """Grant the first in the queue whose slots are free, and all before it that need none; return whether one was.
+    def _grant_next(self, waiting: Sequence[Ticket]) -> bool:
+        """Grant the first whose slots are free, and all before it that need none; return whether there was one.
 
         Slots count as taken that those need who stand before it and have to wait.
         """
         wanted: Counter[str] = Counter()
         spare_s = self._spare_s()
-        for ticket in sorted(self._queue.values(), key=Ticket.rank):
+        for ticket in waiting:
             if ticket.lasts_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
                 continue
             if any(self._free[slot] <= wanted[slot] for slot in ticket.slots):
@@ -139,12 +142,12 @@ class Slots:
     def _spare_s(self) -> dict[int, float]:
         """Return, by the number of each request, how long older ones can still be held up by it."""
         spare_s: dict[int, float] = {}
-        for slot, users_s in self._users_s.items():
-            least_s, before_s = math.inf, 0.0
+        for slot, longest_s in self._longest_s.items():
+            bound_s, least_s, before_s = self._users[slot] * longest_s, math.inf, 0.0
             for ticket in self._queue.values():
                 if slot in ticket.slots and not ticket.is_of_main_execution:
                     spare_s[ticket.number] = min(least_s, spare_s.get(ticket.number, math.inf))
-                    least_s = min(least_s, len(users_s) * max(users_s) - ticket.age_s - before_s)
+                    least_s = min(least_s, bound_s - ticket.age_s - before_s)
                     before_s += ticket.lasts_s
         return spare_s
 
