@@ -144,6 +144,7 @@ class ContextManager(Generic[VariableName, SkillName]):
                 self.inputs.close()
                 self.record.end()
                 self._clock.notify()
+                self._subscriptions.wake()
         self._perception.close()
 
     # What the main execution declares (P1, Equation 4)
@@ -162,7 +163,6 @@ class ContextManager(Generic[VariableName, SkillName]):
         model = self._model(name)
         content = None if value is None else model.type.convert(value)
         with self._clock:
-            self._check_open()
             self.inputs.declare(name)
             if value is not None:
                 self.inputs.write(name, content, MAIN, None)
@@ -176,17 +176,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Say which skills come next: what each previews is declared until it begins or others are expected."""
         for name in skills:
             self._skill(name)
-        with self._clock:
-            self._check_open()
-            self.inputs.expect(skills)
+        self.inputs.expect(skills)
 
     @contextmanager
     def skill(self, name: SkillName) -> Iterator[Skill]:
         """Run a skill: what it previews and monitors is declared until it ends; its expectation is fulfilled."""
         model = self._skill(name)
-        with self._clock:
-            self._check_open()
-            number = self.inputs.begin(name)
+        number = self.inputs.begin(name)
         try:
             yield self._skill_under_way(model, number)
         finally:
@@ -333,9 +329,9 @@ class ContextManager(Generic[VariableName, SkillName]):
             NotOfTypeError: if `otherwise` returns what is no value of the variable.
         """
         question = self.ask(name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow)
-        if question.wait(math.inf) is Step.ANSWERED:
-            return question.value
         try:
+            if question.wait(math.inf) is Step.ANSWERED:
+                return question.value
             found = otherwise()
         except BaseException as error:
             question.abandon(type(error).__name__)
@@ -465,11 +461,6 @@ class ContextManager(Generic[VariableName, SkillName]):
             return self._store.reading(name)
         except KeyError:
             raise unknown("variable", name, self._store.cells) from None
-
-    def _check_open(self) -> None:
-        """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
-        if self.inputs.is_closed:
-            raise RuntimeError("the context manager is closed: start() makes a new one")
 
     def _explained(self, reading: Reading[Value]) -> Reading[Any]:
         """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""

@@ -86,8 +86,13 @@ class Inputs:
     # What the main execution declares (P1, Equation 4)
 
     def declare(self, name: str, party: str = MAIN) -> None:
-        """Take a variable into C_E(t)."""
+        """Take a variable into C_E(t).
+
+        Raises:
+            RuntimeError: if the context manager is closed; so do `expect` and `begin`.
+        """
         with self._clock:
+            self._check_open()
             self._tell("declare", party, variable=name)
             self.declarations.add(party, name)
 
@@ -100,6 +105,7 @@ class Inputs:
     def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
         """Let these skills of a main execution come next, and no others."""
         with self._clock:
+            self._check_open()
             expected = list(skills)
             self._tell("expect", party, skills=expected)
             self._hold_expected(expected, party)
@@ -107,6 +113,7 @@ class Inputs:
     def begin(self, name: str, party: str = MAIN) -> int:
         """Begin a skill; return its number, by which it ends."""
         with self._clock:
+            self._check_open()
             self._tell("begin", party, skill=name)
             self._skills_begun += 1
             number, skill = self._skills_begun, self._skills[name]
@@ -153,6 +160,7 @@ class Inputs:
             for number in [number for number, (whose, _) in self._begun.items() if whose == party]:
                 self._finish(number)
             self._hold_expected([], party)
+            del self._expected[party]
             self.declarations.hold(party, ())
 
     def close(self) -> None:
@@ -256,6 +264,11 @@ class Inputs:
             self._slots.release(self._tickets.pop(number))
 
     # Within
+
+    def _check_open(self) -> None:
+        """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
+        if self.is_closed:
+            raise RuntimeError("the context manager is closed: start() makes a new one")
 
     def _tell(self, what: str, party: str = MAIN, /, **details: object) -> None:
         self._scribe.tell_input(party, what, **details)

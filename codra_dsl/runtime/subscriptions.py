@@ -157,6 +157,12 @@ class Subscriptions:
         for follower in self._followers.get(name, ()):
             follower.put(None)
 
+    def wake(self) -> None:
+        """Call back all who follow a variable: the context manager has closed, and no more will come."""
+        for followers in self._followers.values():
+            for follower in followers:
+                follower.put(None)
+
     def judged(self, number: int, verdict: object) -> None:
         """Tell what came of an expectation of a skill."""
         for line in self._of_skill.get(number, ()):

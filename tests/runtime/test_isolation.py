@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
 import signal
@@ -488,12 +489,11 @@ def own_memory_mb() -> float:
 
 
 def processes_of(pid: int) -> list[Process]:
-    """All processes below one that are alive."""
+    """All processes below one that are alive; threads and processes may end while it looks."""
     found: list[Process] = []
     for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in map(int, (task / "children").read_text().split()):
-            try:
-                found += [*([Process(child)] if is_alive(child) else []), *processes_of(child)]
-            except (FileNotFoundError, ProcessLookupError):
-                continue
+        with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+            for child in map(int, (task / "children").read_text().split()):
+                with contextlib.suppress(FileNotFoundError, ProcessLookupError):
+                    found += [*([Process(child)] if is_alive(child) else []), *processes_of(child)]
     return found

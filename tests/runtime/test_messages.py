@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,8 +18,11 @@ from hypothesis import strategies as some
 from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.messages import VERSION, Session
+from codra_dsl.runtime.messages.lines import line_of, message_of
 from codra_dsl.runtime.messages.protocol import ERRORS, REQUESTS, Field
+from codra_dsl.runtime.messages.session import MOST_LOOKING
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.urgency import Urgency
 from tests.runtime.door import MODEL, Door, Manager, started
 from tests.runtime.journals import read
 
@@ -292,6 +296,54 @@ def test_a_closed_manager_takes_no_declarations() -> None:
         assert program.ask("begin", skill="drive")["kind"] == "closed"
 
 
+@pytest.mark.parametrize("ask", [{"ask": "hello", "lease_s": 10**400}, {"ask": "act", "number": -(10**400)}])
+def test_a_number_that_is_too_large_is_refused(ask: dict[str, Any]) -> None:
+    with speaking() as (program, _codra, _clock):
+        assert program.ask(**ask)["kind"] == "malformed"
+
+
+def test_a_decision_that_waits_is_answered_when_the_manager_closes() -> None:
+    with speaking(Door(distance_m=5.0)) as (program, codra, clock):
+        program.ask("hello", lease_s=600.0)
+        program.send("decide", variable="open", wait_up_to_s=300.0)
+        codra.close()
+        clock.sleep(0.0)
+        assert program.told[-1]["answer"]["answered"] is False
+
+
+def test_a_session_that_ends_gives_up_its_decisions_and_their_urgency() -> None:
+    with speaking(Door(distance_m=5.0)) as (program, codra, clock):
+        program.send("decide", variable="open")
+        program.send("decide", variable="open", wait_up_to_s=7.0)
+        assert codra.inputs.urgency("door_lid") is Urgency.WAITED_FOR
+        clock.sleep(6.0)
+        assert program.notices("lease_over")
+        assert codra.inputs.urgency("door_lid") is Urgency.DECLARED
+        told = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
+        assert told == ["LeaseError", "LeaseError"]
+
+
+def test_of_many_decisions_of_which_nothing_is_told_the_oldest_is_given_up() -> None:
+    with speaking() as (program, _codra, _clock):
+        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MOST_LOOKING + 1)]
+        assert program.ask("found", decision=numbers[0])["kind"] == "malformed"
+        assert program.ask("found", decision=numbers[1]) == {}
+
+
+def test_half_a_character_costs_neither_the_journal_nor_the_line(tmp_path: Path) -> None:
+    journal, clock = Journal(tmp_path / "run.mcap"), SimClock()
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=journal) as codra:
+        program = Program(codra, clock)
+        number = program.ask("decide", variable="open")["decision"]
+        program.ask("found", decision=number, raised="\ud800")
+    assert journal.failure is None
+    assert message_of(line_of({"id": "\ud800"})) == {"id": "\ud800"}
+
+
+def test_an_infinite_value_is_a_line_that_reads_as_infinite() -> None:
+    assert message_of(line_of({"value": math.inf})) == {"value": math.inf}
+
+
 anything = some.recursive(
     some.none() | some.booleans() | some.integers() | some.floats() | some.sampled_from(["open", "near", "drive", ""]),
     lambda inner: some.lists(inner, max_size=3) | some.dictionaries(some.text(max_size=3), inner, max_size=3),
@@ -351,6 +403,21 @@ def test_the_page_tells_every_request_with_its_fields_and_every_kind_of_error() 
     for ask, shape in REQUESTS.items():
         assert told[ask] == [*shape.required, *shape.optional]
     assert set(ERRORS) <= told.keys()
+
+
+def test_a_journal_with_two_sessions_whose_leases_end_is_replayed_byte_for_byte(tmp_path: Path) -> None:
+    path, copied, clock = tmp_path / "run.mcap", tmp_path / "replayed.mcap", SimClock()
+    door = Door(distance_m=5.0)
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": door}, record=Journal(path)) as codra:
+        codra.set("localized", True)
+        for program in (Program(codra, clock), Program(codra, clock)):
+            program.ask("declare", variable="near")
+            program.ask("begin", skill="open_door")
+            program.send("decide", variable="open", wait_up_to_s=9.0)
+        clock.sleep(8.0)
+        assert codra.declared() == frozenset()
+    assert replay(*read(path), MODEL, ContextManager, Journal(copied)).difference is None
+    assert copied.read_bytes() == path.read_bytes()
 
 
 def test_a_journal_with_sessions_is_replayed_byte_for_byte(tmp_path: Path) -> None:

@@ -267,3 +267,59 @@ def test_many_threads_share_a_connection(server: Server) -> None:
             thread.join(PATIENCE_S)
             assert not thread.is_alive()
     assert wrong == []
+
+
+def test_a_lost_connection_does_not_hide_what_the_program_raised(codra: Manager, tmp_path: Path) -> None:
+    server = Server(codra, tmp_path / "codra.sock")
+    remote = RemoteContext(server.address)
+
+    def lose() -> None:
+        with remote.skill("open_door") as skill, skill.acting():
+            server.close()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        lose()
+
+
+def test_a_callback_that_raises_is_called_again(server: Server, codra: Manager) -> None:
+    told: list[Any] = []
+
+    def callback(reading: Any) -> None:
+        told.append(reading.content)
+        raise ZeroDivisionError
+
+    with RemoteContext(server.address) as remote:
+        remote.subscribe("near", callback)
+        eventually(lambda: told == [True])
+        codra.set("near", False)
+        eventually(lambda: told == [True, False])
+
+
+def test_a_lease_that_is_refused_leaves_no_thread(server: Server) -> None:
+    with pytest.raises(MessageError, match="lease_s"):
+        RemoteContext(server.address, lease_s=-1.0)
+    eventually(lambda: "codra-client" not in {thread.name for thread in threading.enumerate()})
+
+
+def test_a_decision_without_limit_waits_for_context(server: Server) -> None:
+    with RemoteContext(server.address) as remote:
+        remote.declare("open")
+        assert remote.decide("open", lambda: "looked", wait_up_to_s=float("inf")) is True
+
+
+def test_a_server_that_is_closed_twice_leaves_the_next_one_alone(codra: Manager, tmp_path: Path) -> None:
+    first = Server(codra, tmp_path / "codra.sock")
+    first.close()
+    with Server(codra, tmp_path / "codra.sock") as second:
+        first.close()
+        with RemoteContext(second.address) as remote:
+            assert remote.get("near").known
+
+
+@pytest.mark.parametrize("address", ["no/folder/codra.sock", "x" * 200, 70_000])
+def test_where_nobody_can_listen_the_message_names_the_place(codra: Manager, address: str | int) -> None:
+    with pytest.raises(OSError, match=f"nobody can listen at {address}"):
+        Server(codra, Path(address) if isinstance(address, str) else address)
+    with pytest.raises(ConnectionError, match=f"no manager listens at {address}"):
+        RemoteContext(Path(address) if isinstance(address, str) else address)

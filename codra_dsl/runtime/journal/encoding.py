@@ -29,7 +29,7 @@ def message_of(event: Event) -> bytes:
             plain[key] = detail
     if event.kind is Kind.INPUT:
         _make_uniform(plain)
-    return json_text(plain).encode()
+    return bytes_of(json_text(plain))
 
 
 def _make_uniform(plain: dict[str, Any]) -> None:
@@ -51,6 +51,11 @@ def event_of(kind: Kind, data: bytes) -> Event:
     if kind is Kind.INPUT and "value" in plain:
         plain["value"] = json.loads(plain["value"])
     return Event(float(instant_s), kind, str(name), str(what), plain)
+
+
+def bytes_of(text: str) -> bytes:
+    """Return JSON in UTF-8; half a character, which UTF-8 cannot hold, is written as JSON escapes it."""
+    return text.encode("utf-8", "backslashreplace")
 
 
 def json_text(value: Any) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import logging
 import math
 import queue
 import threading
@@ -23,6 +24,11 @@ PATIENCE_S = 5.0
 """How long the manager may take for an answer that need not wait for observers."""
 
 
+_NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
+
+_LOGGER = logging.getLogger(__name__)
+
+
 class RemoteSkill:
     """A skill under way."""
 
@@ -36,7 +42,8 @@ class RemoteSkill:
         try:
             yield
         finally:
-            self._tell("acted")
+            with contextlib.suppress(ConnectionError):  # what is lost has ended, and the program's own error counts
+                self._tell("acted")
 
 
 class RemoteContext:
@@ -67,9 +74,14 @@ class RemoteContext:
         self._told: queue.Queue[Plain | None] = queue.Queue()
         self._ended = threading.Event()
         self._lost = "the connection is closed"
-        for body in (self._read, self._call_back, lambda: self._keep(lease_s / 3)):
+        for body in (self._read, self._call_back):
             threading.Thread(target=body, name="codra-client", daemon=True).start()
-        self.hello = self._ask("hello", lease_s=lease_s)
+        try:
+            self.hello = self._ask("hello", lease_s=lease_s)
+        except BaseException:
+            self._end("the manager was not willing")
+            raise
+        threading.Thread(target=self._keep, args=(lease_s / 3,), name="codra-client", daemon=True).start()
 
     def __enter__(self) -> Self:
         return self
@@ -102,7 +114,8 @@ class RemoteContext:
         try:
             yield RemoteSkill(lambda what: self._ask(what, number=number))
         finally:
-            self._ask("finish", number=number)
+            with contextlib.suppress(ConnectionError):
+                self._ask("finish", number=number)
 
     def get(self, name: str) -> Reading[Any]:
         """Return what is known of a variable now."""
@@ -124,8 +137,9 @@ class RemoteContext:
         shadow: bool = False,
     ) -> Any | Answer:
         """Answer a decision from context, or fall back to sequential perception; also when the manager is gone."""
+        wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
         asked = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
-        fields = {key: each for key, each in asked.items() if math.isfinite(each)}
+        fields = {key: each for key, each in asked.items() if (key, each) not in _NO_LIMITS}
         try:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
         except ConnectionError:
@@ -175,7 +189,7 @@ class RemoteContext:
 
     def _answer(self, number: int, future: Future[Plain], wait_s: float) -> Plain:
         try:
-            return future.result(wait_s)
+            return future.result(min(wait_s, threading.TIMEOUT_MAX))
         except TimeoutError:
             self._asked.pop(number, None)
             raise ConnectionError(f"the manager did not answer within {wait_s:g} s") from None
@@ -191,8 +205,9 @@ class RemoteContext:
         self._end(lost)
 
     def _take(self, message: Any) -> None:
-        if message.get("notice") == "lease_over":
-            raise OSError(message["message"])
+        over = message if message.get("notice") == "lease_over" else message.get("error", {})
+        if "lease_over" in (over.get("notice"), over.get("kind")):
+            raise OSError(over["message"])
         if message.get("notice") == "reading":
             self._told.put(message)
         elif (future := self._asked.pop(message["id"], None)) is None:
@@ -217,7 +232,7 @@ class RemoteContext:
         self._socket.close()
 
     def _keep(self, period_s: float) -> None:
-        while not self._ended.wait(period_s):
+        while not self._ended.wait(min(period_s, threading.TIMEOUT_MAX)):
             with contextlib.suppress(ConnectionError):
                 self._ask("keep")
 
@@ -234,4 +249,7 @@ class RemoteContext:
         while (message := self._told.get()) is not None:
             callback = self._callbacks.get(message["subscription"])
             if callback is not None:
-                callback(reading_of(message["reading"]))
+                try:
+                    callback(reading_of(message["reading"]))
+                except Exception:
+                    _LOGGER.exception("a callback raised: %r", callback)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import socket
 from pathlib import Path
 from typing import BinaryIO
 
+from codra_dsl.runtime.journal.encoding import bytes_of, json_text
 from codra_dsl.runtime.messages.protocol import MessageError, Plain
 
 LONGEST_LINE = 1 << 20
@@ -19,8 +21,12 @@ Address = Path | str | int
 
 
 def line_of(message: Plain) -> bytes:
-    """Return the line that carries a message."""
-    return json.dumps(message, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+    """Return the line that carries a message; an infinite number is `1e999`, and NaN null.
+
+    Raises:
+        TypeError: if it holds what is no plain data.
+    """
+    return bytes_of(json_text(message)) + b"\n"
 
 
 def read_line(stream: BinaryIO) -> bytes | None:
@@ -62,9 +68,10 @@ def listening(address: Address) -> socket.socket:
             server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         server.bind(place)
         server.listen()
-    except OSError:
+    except (OSError, OverflowError) as error:
         server.close()
-        raise
+        number = getattr(error, "errno", None) or errno.EADDRNOTAVAIL
+        raise OSError(number, f"nobody can listen at {address}: {getattr(error, 'strerror', None) or error}") from None
     return server
 
 
@@ -88,9 +95,9 @@ def connected(address: Address, timeout_s: float) -> socket.socket:
         client.settimeout(timeout_s)
         client.connect(place)
         client.settimeout(None)
-    except OSError:
+    except (OSError, OverflowError) as error:
         client.close()
-        raise
+        raise error if isinstance(error, OSError) else OSError(errno.EADDRNOTAVAIL, str(error)) from None
     return client
 
 

@@ -11,6 +11,7 @@ A notice comes unasked: a new reading of what was subscribed to, or that the lea
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -25,10 +26,14 @@ from codra_dsl.runtime.names import UnknownNameError, nearest
 VERSION = 1
 
 Plain = dict[str, Any]
-"""A message, or a part of one: text, numbers that are finite, truth values, None, lists and mappings of these."""
+"""A message, or a part of one: text, numbers, truth values, None, lists and mappings of these."""
 
 MOST_NAMES = 10_000
 """Names that one request may list."""
+
+
+LARGEST = sys.float_info.max
+"""The largest finite number; JSON knows larger whole ones."""
 
 
 class Field(StrEnum):
@@ -44,7 +49,7 @@ class Field(StrEnum):
 
     def holds(self, given: object) -> bool:
         """Return whether a value is of this kind."""
-        is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)
+        is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and abs(given) <= LARGEST
         match self:
             case Field.TEXT:
                 return isinstance(given, str)
@@ -183,7 +188,7 @@ def error_of(plain: Mapping[str, Any]) -> Exception:
     return ERRORS.get(str(plain.get("kind")), RuntimeError)(str(plain.get("message", "")))
 
 
-ANSWERED = (MessageError, LookupError, PermissionError, ValueError, RuntimeError)
+ANSWERED = tuple(ERRORS.values())
 """What goes wrong by a fault of who asks."""
 
 

@@ -53,11 +53,13 @@ class Server:
     def close(self) -> None:
         """End all sessions and listen no more."""
         with self._lock:
+            if self._closed:
+                return  # by now the path may be that of another
             self._closed = True
             connections = tuple(self._connections)
-        _shut(self._socket)
         if not isinstance(self.address, int):
             Path(self.address).unlink(missing_ok=True)
+        _shut(self._socket)
         for connection in connections:
             connection.close("the manager has closed")
 
@@ -117,7 +119,8 @@ class _Connection:
             self._send(error_to(None, error))
         except OSError:
             pass
-        self.close("the connection was lost")
+        finally:
+            self.close("the connection was lost")
 
     def _take(self, line: bytes) -> None:
         try:

@@ -37,6 +37,9 @@ from codra_dsl.runtime.subscriptions import Subscription
 if TYPE_CHECKING:
     from codra_dsl.runtime.context import ContextManager
 
+MOST_LOOKING = 1_000
+"""Decisions of which a session need not have said yet what it found; then the oldest counts as given up."""
+
 LEASE_S = 5.0
 """How long a session lives without a word from its main execution, unless it asks for another time."""
 
@@ -101,10 +104,14 @@ class Session:
             self._over = because
             self._inputs.leave(self.party)
             self._lease.cancel()
-            for ending in self._subscriptions.values():
-                ending.unsubscribe()
+            for subscription in self._subscriptions.values():
+                subscription.unsubscribe()
             for wait in self._waiting.values():
                 wait.end()
+            for question in (*(wait.question for wait in self._waiting.values()), *self._looking.values()):
+                question.abandon(LeaseError.__name__)
+            for memory in (self._subscriptions, self._waiting, self._looking):
+                memory.clear()
 
     # Requests, each by its name in `REQUESTS`
 
@@ -131,9 +138,7 @@ class Session:
 
     def _declare(self, variable: str, value: object = None) -> Plain:
         content = None if value is None else self._variable(variable).type.convert(value)
-        self._variable(variable)
-        self._check_open()
-        self._inputs.declare(variable, party=self.party)
+        self._inputs.declare(self._variable(variable).name, party=self.party)
         if content is not None:
             self._inputs.write(variable, content, MAIN, None)
         return {}
@@ -143,12 +148,10 @@ class Session:
         return {}
 
     def _expect(self, skills: list[str]) -> Plain:
-        self._check_open()
         self._inputs.expect([self._skill(name) for name in skills], party=self.party)
         return {}
 
     def _begin(self, skill: str) -> Plain:
-        self._check_open()
         number = self._inputs.begin(self._skill(skill), party=self.party)
         self._begun.add(number)
         return {"number": number}
@@ -183,7 +186,9 @@ class Session:
         number = self._subscribed
 
         def tell(reading: Reading[Any]) -> None:
-            self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
+            with self._lock:  # after the answer that tells the number, and not after that to `unsubscribe`
+                if number in self._subscriptions:
+                    self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
 
         self._subscriptions[number] = self._codra.subscribe(names, tell)
         return {"subscription": number}
@@ -210,6 +215,7 @@ class Session:
             timer=self._clock.call_at(self._clock.now_s() + asked["wait_up_to_s"], lambda: self._resume(question)),
             following=self._codra.follow(variable, lambda: self._resume(question)),
         )
+        self._resume(question)  # what came before it was followed called nobody back
         return None
 
     def _resume(self, question: Question) -> None:
@@ -224,6 +230,8 @@ class Session:
     def _settled(self, question: Question) -> Plain:
         if question.step is Step.LOOKING:
             self._looking[question.number] = question
+            if len(self._looking) > MOST_LOOKING:
+                self._looking.pop(next(iter(self._looking))).abandon("not told")
         answered = {"decision": question.number, "answered": question.step is Step.ANSWERED}
         return {**answered, "reading": plain_reading(question.reading)}
 
@@ -241,24 +249,21 @@ class Session:
 
     def _watch(self) -> None:
         """End the session when its lease is over; a word that came meanwhile has moved that end."""
-        if self._over:
-            return
-        end_s = self._heard_s + self._lease_s
-        if end_s <= self._clock.now_s():
-            because = f"nothing was heard of it for {self._lease_s:g} s"
-            self.close(because)
-            self._send(notice("lease_over", message=because))
-        else:
-            self._lease.cancel()
-            self._lease = self._clock.call_at(end_s, self._watch)
+        with self._lock:
+            if self._over:
+                return
+            end_s = self._heard_s + self._lease_s
+            if end_s <= self._clock.now_s():
+                because = f"nothing was heard of it for {self._lease_s:g} s"
+                self.close(because)
+                self._send(notice("lease_over", message=because))
+            else:
+                self._lease.cancel()
+                self._lease = self._clock.call_at(end_s, self._watch)
 
     def _check_alive(self) -> None:
         if self._over:
             raise LeaseError(f"the session is over: {self._over}; say hello on a new one")
-
-    def _check_open(self) -> None:
-        if self._inputs.is_closed:
-            raise RuntimeError("the context manager is closed: nothing can be declared any more")
 
     def _variable(self, name: str) -> VariableModel:
         if name not in self._variables:
