@@ -23,7 +23,7 @@ def raises(_: Any) -> object:
 def test_each_end_of_a_job_is_counted_as_what_it_is() -> None:
     ways = {"accepted": takes(0.5, YES), "rejected": takes(0.5, {}), "failed": raises, "late": takes(9.0, YES)}
     model = forest(
-        [given("near"), *(variable(name) for name in (*ways, "voided"))],
+        [given("near"), *(variable(name) for name in (*ways, "voided", "nobody"))],
         *(observer(f"o_{name}", seen(name, name, timeout_s=2.0)) for name in ways),
         observer("o_voided", seen("voided", "voided", when=[value("near")])),
         observer("unneeded", seen("unneeded", "nobody")),
