@@ -94,4 +94,5 @@ def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
         return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
     if before.reason is not None or reading.reason is not None:
         return False
-    return before.expires_s > reading.identified_s
+    # evidence that began sooner may be from before the end of acting: then it is worth another look
+    return before.expires_s > reading.identified_s and before.start_s <= reading.start_s

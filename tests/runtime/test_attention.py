@@ -74,6 +74,20 @@ def test_while_a_skill_monitors_it_it_is_looked_at_periodically() -> None:
     assert world.asked_s("look") == [0.0, 5.0, 7.0, 9.0]
 
 
+def test_evidence_that_began_before_the_end_of_acting_asks_for_another_look_though_it_tells_the_same() -> None:
+    clock, world = SimClock(), World({"look": takes(1.0, SEEN)})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(4.5)
+        with manager.skill("watch") as skill, skill.acting():
+            clock.sleep(0.5)
+        clock.sleep(0.1)
+        manager.set("a", True)
+        clock.sleep(20.0)
+    assert world.asked_s("look") == [0.0, 4.5, 6.5]
+
+
 def test_after_any_acting_it_is_looked_at_once() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:

@@ -13,9 +13,9 @@ class Spent:
         jobs: that have begun.
         accepted: results that brought at least one variable a value.
         rejected: results that brought none.
-        voided: jobs whose evidence does not count, because a precondition broke while it was taken.
+        voided: jobs whose evidence does not count, because it turned out that a precondition broke while it was taken.
         failed: jobs that raised, timed out, or returned what they should not.
-        cancelled: jobs that nobody waited for any more.
+        cancelled: jobs that nobody waited for any more, because their observer stopped or a precondition failed.
         waiting_s: between request and beginning of jobs: for slots.
         perception_s: between beginning and end of jobs.
         slot_s: the same, times the number of slots that the job held.
