@@ -193,6 +193,14 @@ def test_lines_that_are_no_messages_are_told_so_and_the_session_goes_on(server: 
         assert json.loads(told.readline())["id"] == "a"
 
 
+def test_what_a_web_page_can_make_a_browser_send_is_no_message(server: Server, codra: Manager) -> None:
+    with raw(server) as peer, peer.makefile("rb") as told:
+        peer.sendall(b'POST / HTTP/1.1\r\n{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
+        assert json.loads(told.readline())["error"]["kind"] == "malformed"
+        assert told.readline() == b""
+    assert "open" not in codra.declared()
+
+
 def test_a_line_without_end_ends_the_session(server: Server, codra: Manager) -> None:
     with raw(server) as peer, peer.makefile("rb") as told:
         peer.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')

@@ -13,16 +13,21 @@ from concurrent.futures import Future
 from typing import Any, Self, TypeVar
 
 from codra_dsl.runtime.cell import Reading
-from codra_dsl.runtime.messages.lines import Address, connected, line_of, message_of, read_line
+from codra_dsl.runtime.messages.lines import (
+    PATIENCE_S,
+    Address,
+    connected,
+    limited,
+    line_of,
+    message_of,
+    read_line,
+    shut,
+)
 from codra_dsl.runtime.messages.protocol import VERSION, Plain, error_of, reading_of
 from codra_dsl.runtime.messages.session import LEASE_S
 
 Answer = TypeVar("Answer")
 Callback = Callable[[Reading[Any]], None]
-
-PATIENCE_S = 5.0
-"""How long the manager may take for an answer that need not wait for observers."""
-
 
 _NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
 
@@ -64,7 +69,7 @@ class RemoteContext:
             ConnectionError: if no manager is there.
         """
         try:
-            self._socket = connected(address, PATIENCE_S)
+            self._socket = limited(connected(address, PATIENCE_S))
         except OSError as error:
             raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
         self._lock = threading.Lock()
@@ -150,9 +155,11 @@ class RemoteContext:
 
     def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
         """Call back with what variables are now, and with each change of them; return what ends that."""
+        future = Future[Plain]()
+        future.add_done_callback(lambda done: self._register(done, callback))  # before the first reading can come
+        variables = [names] if isinstance(names, str) else list(names)
         with self._lock:
-            asked, future = self._send("subscribe", {"variables": [names] if isinstance(names, str) else list(names)})
-            future.add_done_callback(lambda done: self._register(done, callback))
+            asked = self._send("subscribe", {"variables": variables}, future)
         number = self._answer(asked, future, PATIENCE_S)["subscription"]
         return lambda: self._unsubscribe(number)
 
@@ -170,12 +177,13 @@ class RemoteContext:
         return found
 
     def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> Plain:
+        future = Future[Plain]()
         with self._lock:
-            number, future = self._send(ask, fields)
+            number = self._send(ask, fields, future)
         return self._answer(number, future, wait_s + PATIENCE_S)
 
-    def _send(self, ask: str, fields: Plain) -> tuple[int, Future[Plain]]:
-        number, future = next(self._numbers), Future[Plain]()
+    def _send(self, ask: str, fields: Plain, future: Future[Plain]) -> int:
+        number = next(self._numbers)
         line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
         if self._ended.is_set():
             raise ConnectionError(self._lost)
@@ -185,7 +193,7 @@ class RemoteContext:
         except OSError as error:
             del self._asked[number]
             raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
-        return number, future
+        return number
 
     def _answer(self, number: int, future: Future[Plain], wait_s: float) -> Plain:
         try:
@@ -227,9 +235,7 @@ class RemoteContext:
         self._told.put(None)
         for future in waiting.values():
             future.set_exception(ConnectionError(lost))
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(2)
-        self._socket.close()
+        shut(self._socket)
 
     def _keep(self, period_s: float) -> None:
         while not self._ended.wait(min(period_s, threading.TIMEOUT_MAX)):

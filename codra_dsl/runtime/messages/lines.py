@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import socket
+import struct
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,6 +17,9 @@ LONGEST_LINE = 1 << 20
 """Bytes of the longest message."""
 
 LOOPBACK = "127.0.0.1"
+
+PATIENCE_S = 5.0
+"""How long the other side may take to read, or the manager for an answer that need not wait for observers."""
 
 Address = Path | str | int
 """Where a manager listens: the path of a Unix socket, or a port of this machine."""
@@ -109,3 +114,21 @@ def _socket(address: Address) -> tuple[socket.socket, str | tuple[str, int]]:
 
 def _refuse(constant: str) -> object:
     raise ValueError(f"{constant} is no number of JSON")
+
+
+def limited(connection: socket.socket) -> socket.socket:
+    """Return a connection whose sending fails when the other side has read nothing for a while."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE_S), 0))
+    return connection
+
+
+def shut(ended: socket.socket) -> None:
+    """Close a socket, and end what other threads wait for on it."""
+    with contextlib.suppress(OSError):
+        ended.shutdown(socket.SHUT_RDWR)
+    ended.close()
+
+
+def is_of_the_web(line: bytes) -> bool:
+    """Return whether a line that is no JSON begins a request of HTTP."""
+    return b" HTTP/" in line

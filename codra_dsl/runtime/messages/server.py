@@ -9,11 +9,23 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from codra_dsl.runtime.messages.lines import Address, line_of, listening, message_of, read_line
+from codra_dsl.runtime.messages.lines import (
+    Address,
+    is_of_the_web,
+    limited,
+    line_of,
+    listening,
+    message_of,
+    read_line,
+    shut,
+)
 from codra_dsl.runtime.messages.protocol import MessageError, Plain, error_to
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.context import ContextManager
+
+PAUSE_S = 0.1
+"""How long it waits when nobody can be let in."""
 
 MOST_UNSENT = 10_000
 """Messages that wait for a main execution that does not read; then its session ends."""
@@ -41,7 +53,7 @@ class Server:
         self.address: Address = self._socket.getsockname()[1] if isinstance(address, int) else address
         self._connections: set[_Connection] = set()
         self._lock = threading.Lock()
-        self._closed = False
+        self._closed = threading.Event()
         threading.Thread(target=self._accept, name="codra-server", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -53,29 +65,37 @@ class Server:
     def close(self) -> None:
         """End all sessions and listen no more."""
         with self._lock:
-            if self._closed:
+            if self._closed.is_set():
                 return  # by now the path may be that of another
-            self._closed = True
+            self._closed.set()
             connections = tuple(self._connections)
         if not isinstance(self.address, int):
             Path(self.address).unlink(missing_ok=True)
-        _shut(self._socket)
+        shut(self._socket)
         for connection in connections:
             connection.close("the manager has closed")
 
     def _accept(self) -> None:
-        while True:
+        while not self._closed.is_set():
             try:
                 peer, _ = self._socket.accept()
             except OSError:
+                self._closed.wait(PAUSE_S)  # the machine may be short of files for a while
+            else:
+                self._welcome(peer)
+
+    def _welcome(self, peer: socket.socket) -> None:
+        with self._lock:
+            if self._closed.is_set():
+                shut(peer)
                 return
             connection = _Connection(self._codra, peer, self._forget)
-            with self._lock:
-                if not self._closed:
-                    self._connections.add(connection)
-                    connection.begin()
-                    continue
-            connection.close("the manager has closed")
+            self._connections.add(connection)
+        try:
+            connection.begin()
+        except RuntimeError:  # no thread could be started
+            connection.close("the machine can start no more threads")
+            shut(peer)
 
     def _forget(self, connection: _Connection) -> None:
         with self._lock:
@@ -86,9 +106,9 @@ class _Connection:
     """One main execution at the other end: one thread reads what it says, another writes what it is told."""
 
     def __init__(self, codra: ContextManager[Any, Any], peer: socket.socket, forget: Any) -> None:
-        self._peer = peer
+        self._peer = limited(peer)
         self._forget = forget
-        self._unsent: queue.Queue[Plain | None] = queue.Queue(MOST_UNSENT)
+        self._unsent: queue.SimpleQueue[Plain | None] = queue.SimpleQueue()
         self._session = codra.session(self._send)
 
     def begin(self) -> None:
@@ -98,17 +118,17 @@ class _Connection:
     def close(self, because: str) -> None:
         """End the session and the connection; harmless when they have ended."""
         self._session.close(because)
-        with contextlib.suppress(queue.Full):
-            self._unsent.put_nowait(None)
-        _shut(self._peer, socket.SHUT_RD)
+        self._unsent.put(None)
+        with contextlib.suppress(OSError):
+            self._peer.shutdown(socket.SHUT_RD)
         self._forget(self)
 
     def _send(self, message: Plain) -> None:
-        try:
-            self._unsent.put_nowait(message)
-        except queue.Full:
+        if self._unsent.qsize() < MOST_UNSENT:
+            self._unsent.put(message)
+        else:
             self.close("it does not read what it is told")
-            _shut(self._peer)
+            shut(self._peer)
 
     def _read(self) -> None:
         try:
@@ -126,6 +146,8 @@ class _Connection:
         try:
             message = message_of(line)
         except MessageError as error:
+            if is_of_the_web(line):
+                raise  # a page in a browser can make it say so, and what comes next may look like a message
             self._send(error_to(None, error))
         else:
             self._session.receive(message)
@@ -135,11 +157,4 @@ class _Connection:
             while (message := self._unsent.get()) is not None:
                 self._peer.sendall(line_of(message))
         self._session.close("the connection was lost")
-        _shut(self._peer)
-
-
-def _shut(ended: socket.socket, how: int = socket.SHUT_RDWR) -> None:
-    with contextlib.suppress(OSError):
-        ended.shutdown(how)
-    if how == socket.SHUT_RDWR:
-        ended.close()
+        shut(self._peer)
