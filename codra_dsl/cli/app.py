@@ -72,8 +72,10 @@ def command_line() -> int:
     try:
         code = _run()
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes as it ends
+        if not isinstance(error, BrokenPipeError):
+            print(f"codra: cannot write: {error.strerror}", file=sys.stderr)
         code = ExitCode.FAILED
     return code
 
@@ -85,13 +87,12 @@ def _run() -> int:
         return ended.code if isinstance(ended.code, int) else ExitCode.FAILED if ended.code else ExitCode.CLEAN
     except BrokenPipeError:
         raise
-    except Exception as error:  # noqa: BLE001 - whatever went wrong, a person gets a sentence
+    except Exception as error:
         if isinstance(error, FileNotFoundError) and not _is_somewhere():
             say("codra: the current folder is no longer there: change to another one")
             return ExitCode.USAGE
         if isinstance(error, OSError) and error.errno == errno.ENOSPC:
-            say(f"codra: cannot write: {error.strerror}")
-            return ExitCode.FAILED
+            raise
         say(f"codra: internal error: {type(error).__name__}: {error} ({_last_place(error)})")
         say("This is a bug of codra, not of your spec. Please report it with the spec that shows it.")
         return ExitCode.INTERNAL
