@@ -161,12 +161,15 @@ def test_the_heartbeat_of_a_busy_main_execution_keeps_its_lease(server: Server, 
         assert codra.declared() == {"open"}
 
 
-def test_without_a_manager_a_program_looks_by_itself(codra: Manager, tmp_path: Path) -> None:
+def test_without_a_manager_a_program_looks_by_itself_and_says_so(
+    codra: Manager, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     server = Server(codra, tmp_path / "codra.sock")
     remote = RemoteContext(server.address)
     remote.declare("open")
     server.close()
     assert remote.decide("open", lambda: "seen by itself", wait_up_to_s=5.0) == "seen by itself"
+    assert any(message.startswith("open is looked at without context: ") for message in caplog.messages)
     with pytest.raises(ConnectionError):
         remote.get("open")
     assert codra.declared() == frozenset()

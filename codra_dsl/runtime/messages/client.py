@@ -147,7 +147,8 @@ class RemoteContext:
         fields = {key: each for key, each in asked.items() if (key, each) not in _NO_LIMITS}
         try:
             answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
-        except ConnectionError:
+        except ConnectionError as error:
+            _LOGGER.warning("%s is looked at without context: %s", name, error)
             return otherwise()
         if answer["answered"]:
             return reading_of(answer["reading"]).content

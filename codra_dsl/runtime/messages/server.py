@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import queue
 import socket
 import threading
@@ -24,7 +25,9 @@ from codra_dsl.runtime.messages.protocol import MessageError, Plain, error_to
 if TYPE_CHECKING:
     from codra_dsl.runtime.context import ContextManager
 
-PAUSE_S = 0.1
+_LOGGER = logging.getLogger(__name__)
+
+PAUSE_S = 1.0
 """How long it waits when nobody can be let in."""
 
 MOST_UNSENT = 10_000
@@ -79,8 +82,10 @@ class Server:
         while not self._closed.is_set():
             try:
                 peer, _ = self._socket.accept()
-            except OSError:
-                self._closed.wait(PAUSE_S)  # the machine may be short of files for a while
+            except OSError as error:
+                if not self._closed.is_set():
+                    _LOGGER.warning("nobody can be let in for a while: %s", error)
+                self._closed.wait(PAUSE_S)
             else:
                 self._welcome(peer)
 
