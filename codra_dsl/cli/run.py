@@ -58,6 +58,9 @@ JournalOption = Annotated[
 
 _PROGRESS_EVERY_S = 10.0
 
+CONTEXT_DRIVEN = "context-driven"
+"""The arm that answers the main execution."""
+
 
 def run_command(
     spec: SpecFile,
@@ -74,6 +77,7 @@ def run_command(
     """Run a spec in a simulated world. It prints what its observers held against what was true."""
     try:
         from codra_dsl.experiments import lab
+        from codra_dsl.experiments.arms import NAIVE
     except ModuleNotFoundError as error:
         say(f"codra: 'run' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
         raise typer.Exit(ExitCode.FAILED) from error
@@ -85,27 +89,30 @@ def run_command(
     settings = lab.LabSettings(
         seed=seed,
         duration_s=duration_s,
+        work=lab.one_loop if duration_s is None else lab.loops,
+        answering=CONTEXT_DRIVEN,
         pace=lab.Pace(pace.value),
         progress=_progress(),
         journal=None if journal is None else _writable(journal),
     )
     if journal is not None and naive:
-        _writable(lab.beside(journal, lab.NAIVE))
+        _writable(lab.beside(journal, NAIVE.name))
     folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
     _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
 
 
 def _run(spec: Spec, world: World, settings: LabSettings, naive: bool) -> LabRun:
+    from codra_dsl.experiments.arms import NAIVE, Arm, Need, observers
     from codra_dsl.experiments.lab import run_lab
-    from codra_dsl.experiments.spec_run import compiled
     from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
     from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
 
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        ready = compiled(spec, Path(made))
+        arms = (Arm(name=CONTEXT_DRIVEN, need=Need.ANNOUNCED), *((NAIVE,) if naive else ()))
+        ready = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(arms)]
         try:
-            return run_lab(ready.start, settings, ready.start_naive if naive else None)
+            return run_lab(ready, settings)
         except GraphicsUnavailableError as error:
             say(f"codra: {error}")
             raise typer.Exit(ExitCode.FAILED) from error

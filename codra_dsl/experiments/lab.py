@@ -1,39 +1,38 @@
-"""A run in the laboratory: the mission with its observers, beside it the naive arm, scored against ground truth."""
+"""A run in the laboratory: its arms on the same frames, one main execution, all scored against ground truth."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from random import Random
-from typing import Any
 
+from codra_dsl.experiments.arms import Need, Observers
+from codra_dsl.experiments.audience import Asked, Audience, Manager, SkillSpan
 from codra_dsl.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_dsl.experiments.scoring import Piece, Score, held_pieces, pieces, score
-from codra_dsl.runtime import Clock, ContextManager, Journal, Record, SimClock, Spent, WallClock
+from codra_dsl.runtime import Clock, Journal, Record, SimClock, Spent, WallClock
 from codra_dsl.runtime.context import MAIN
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
 from codra_dsl.worlds.lab.eyes import Eyes
-from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.frame import Camera, Frame
 from codra_dsl.worlds.lab.mission import Expect, Mission, MissionError
 from codra_dsl.worlds.lab.robot import Localization, Robot
 from codra_dsl.worlds.lab.truth import GroundTruth, TruthSpan
 from codra_dsl.worlds.lab.world import LabWorld
 
-Start = Callable[..., ContextManager[Any, Any]]
-
-CONTEXT_DRIVEN = "context-driven"
-NAIVE = "naive"
-
 OBSERVED = "observed"
 
 PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
 """The variables whose first misjudged frame is shown."""
+
+Work = Callable[[Mission], None]
+"""What the main execution does."""
 
 
 class Pace(StrEnum):
@@ -44,12 +43,13 @@ class Pace(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Arm:
+class ArmRun:
     """What one arm held and did.
 
     Attributes:
         held: by context-variable.
         jobs: how many jobs of each algorithm were started.
+        spent: what each observer cost and brought.
     """
 
     name: str
@@ -57,6 +57,7 @@ class Arm:
     held: Mapping[str, Sequence[Piece]]
     scores: Sequence[Score]
     jobs: Mapping[str, int]
+    spent: Mapping[str, Spent]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +66,13 @@ class LabRun:
 
     Attributes:
         loops: how many sample-processing loops were completed.
-        ended_by: why the run ended.
         error: the main execution's unrecoverable error, if that ended it.
+        frames: how many were rendered.
+        perceived: how many of these perception functions took.
+        asked: the decisions of the main execution.
+        skills: when each of its skills was under way.
         decisions: how many decisions were `answered` from context, by what an observer saw (`OBSERVED`) or what the
-            main execution itself had found out before, and how many `fell_back`, by variable.
-        spent: what each observer of the first arm cost and brought.
+            main execution itself had found out before, and how many `fell_back`, by variable; empty if no arm answered.
         pictures: frames at telling moments, by a name that tells the moment.
     """
 
@@ -77,11 +80,24 @@ class LabRun:
     loops: int
     error: str | None
     frames: int
-    arms: Sequence[Arm]
+    perceived: int
+    arms: Sequence[ArmRun]
     truth: Mapping[str, Sequence[Piece]]
+    asked: Sequence[Asked]
+    skills: Sequence[SkillSpan]
     decisions: Mapping[str, Counter[str]]
-    spent: Mapping[str, Spent]
     pictures: Mapping[str, Frame]
+
+
+def one_loop(mission: Mission) -> None:
+    """Process one batch of samples."""
+    mission.run_loop()
+
+
+def loops(mission: Mission) -> None:
+    """Process batch after batch, until time is up."""
+    while True:
+        mission.run_loop()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,66 +106,107 @@ class LabSettings:
 
     Attributes:
         seed: of everything that chance decides.
-        duration_s: how long; None for one whole loop.
+        duration_s: how long at most; None for as long as the work takes.
+        work: what the main execution does.
+        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
+        decision_s: how long it takes the main execution to ask that arm.
         expect: whether the main execution says beforehand what comes next.
         progress: is told the present instant now and then.
-        journal: where the journal of the main execution's own observers goes, if anywhere; that of the naive arm goes
-            beside it, with the arm's name in its own.
+        journal: where the journal of the answering arm goes, if anywhere; those of other arms go beside it, with the
+            arm's name in their own.
     """
 
     seed: int = 1
     duration_s: float | None = None
+    work: Work = one_loop
+    answering: str | None = None
+    decision_s: float = 0.0
     pace: Pace = Pace.FAST
     expect: Expect = Expect.ONE_AHEAD
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
 
 
-def run_lab(start: Start, settings: LabSettings, start_naive: Start | None = None) -> LabRun:
-    """Run the sample-processing workflow.
+def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
+    """Let the robot work while every arm watches, each with slots of its own, on the same frames.
 
     Args:
-        start: of the compiled spec.
+        observers: the arms, by different names.
         settings: how to run.
-        start_naive: of the same spec without conditions: an arm with slots of its own on the same frames, ignored by
-            the main execution.
     """
     with ExitStack() as stack:
         world = LabWorld(settings.seed)
         frames = stack.enter_context(FrameSource(world))
         clock = _clock(settings, stack)  # last of all that takes long: in real time it runs from here
-        robot = Robot(world, clock, Random(f"{settings.seed} robot"))
-        camera = ArmCamera(frames, clock)
-        starts = {CONTEXT_DRIVEN: start} | ({NAIVE: start_naive} if start_naive is not None else {})
+        camera = WatchedCamera(ArmCamera(frames, clock))
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
-            name: stack.enter_context(
-                begin(clock=clock, resources=resources, seed=settings.seed, record=_record(name, settings))
+            each.arm.name: stack.enter_context(
+                each.start(
+                    clock=clock, resources=resources, seed=settings.seed, record=_record(each.arm.name, settings)
+                )
             )
-            for name, begin in starts.items()
+            for each in observers
         }
-        if NAIVE in managers:
-            _declare_all(managers[NAIVE])
-        codra = managers[CONTEXT_DRIVEN]
-        eyes = Eyes(robot, camera, codra, clock, seed=settings.seed)
-        mission = Mission(robot, eyes, codra, clock, settings.expect)
+        audience = _gathered(clock, managers, observers, settings)
+        robot = Robot(world, clock, Random(f"{settings.seed} robot"))
+        eyes = Eyes(robot, camera, audience, clock, seed=settings.seed)
+        mission = Mission(robot, eyes, audience, clock, settings.expect)
         error = _execute(mission, settings)
         end_s = clock.now_s()
         for manager in managers.values():
             manager.close()  # in real time jobs would go on while the run is judged
-        truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), codra.modelled())
-        arms = [_arm(name, manager.record, truth, end_s) for name, manager in managers.items()]
+        modelled = {name for manager in managers.values() for name in manager.modelled()}
+        truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), modelled)
+        arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
+        answering = managers.get(settings.answering or "")
         return LabRun(
             duration_s=end_s,
             loops=mission.loops,
             error=error,
             frames=frames.rendered,
+            perceived=len(camera.instants_s),
             arms=arms,
             truth=truth,
-            decisions=_decisions(codra.record),
-            spent=codra.spent(),
+            asked=tuple(audience.asked),
+            skills=tuple(audience.skills),
+            decisions={} if answering is None else _decisions(answering.record),
             pictures={name: frames.frame_at(instant_s) for name, instant_s in _moments(arms, truth).items()},
         )
+
+
+class WatchedCamera:
+    """A camera that remembers at which instants frames were taken.
+
+    Attributes:
+        instants_s: those instants.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.instants_s: set[float] = set()
+        self._camera = camera
+
+    def capture(self) -> Frame:
+        """Take a frame now."""
+        frame = self._camera.capture()
+        self.instants_s.add(frame.stamp_s)
+        return frame
+
+
+def _gathered(
+    clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
+) -> Audience:
+    """Declare everything where that is the arm's way, and let the main execution speak to all arms."""
+    for each in observers:
+        if each.arm.need is Need.EVERYTHING:
+            _declare_all(managers[each.arm.name])
+    return Audience(
+        clock,
+        managers,
+        following=[each.arm.name for each in observers if each.arm.need is Need.ANNOUNCED],
+        answering=settings.answering,
+        decision_s=settings.decision_s,
+    )
 
 
 def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
@@ -162,7 +219,7 @@ def _record(arm: str, settings: LabSettings) -> Record:
     """Return what takes the events of an arm: all of them, since they are scored in the end."""
     if settings.journal is None:
         return Record(math.inf)
-    return Journal(settings.journal if arm == CONTEXT_DRIVEN else beside(settings.journal, arm), math.inf)
+    return Journal(settings.journal if arm == settings.answering else beside(settings.journal, arm), math.inf)
 
 
 def beside(journal: Path, arm: str) -> Path:
@@ -170,7 +227,7 @@ def beside(journal: Path, arm: str) -> Path:
     return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
 
 
-def _declare_all(manager: ContextManager[Any, Any]) -> None:
+def _declare_all(manager: Manager) -> None:
     for name in manager.modelled():
         manager.declare(name)
 
@@ -178,9 +235,7 @@ def _declare_all(manager: ContextManager[Any, Any]) -> None:
 def _execute(mission: Mission, settings: LabSettings) -> str | None:
     """Let the main execution run to its end; return its unrecoverable error, if it had one."""
     try:
-        mission.run_loop()
-        while settings.duration_s is not None:
-            mission.run_loop()
+        settings.work(mission)
     except TimeIsUp:
         return None
     except MissionError as error:
@@ -188,17 +243,24 @@ def _execute(mission: Mission, settings: LabSettings) -> str | None:
     return None
 
 
-def _truth_pieces(spans: Sequence[TruthSpan], modelled: Sequence[str]) -> Mapping[str, Sequence[Piece]]:
+def _truth_pieces(spans: Sequence[TruthSpan], modelled: Collection[str]) -> Mapping[str, Sequence[Piece]]:
     """Return what was true, by variable, of those that the spec models."""
     names = [name for name in (spans[0].values if spans else ()) if name in modelled]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 
-def _arm(name: str, record: Record, truth: Mapping[str, Sequence[Piece]], end_s: float) -> Arm:
+def _arm(name: str, manager: Manager, truth: Mapping[str, Sequence[Piece]], end_s: float) -> ArmRun:
+    record = manager.record
     held = held_pieces(record, tuple(truth), end_s)
     started = (event.name for event in record.of(Kind.JOB) if event.what == "started")
-    scores = [score(variable, held[variable], truth[variable], record) for variable in truth]
-    return Arm(name=name, record=record, held=held, scores=scores, jobs=dict(sorted(Counter(started).items())))
+    return ArmRun(
+        name=name,
+        record=record,
+        held=held,
+        scores=[score(variable, held[variable], truth[variable], record) for variable in truth],
+        jobs=dict(sorted(Counter(started).items())),
+        spent=manager.spent(),
+    )
 
 
 def _decisions(record: Record) -> Mapping[str, Counter[str]]:
@@ -211,7 +273,7 @@ def _decisions(record: Record) -> Mapping[str, Counter[str]]:
     return dict(sorted(counts.items()))
 
 
-def _moments(arms: Sequence[Arm], truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+def _moments(arms: Sequence[ArmRun], truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
     """Return instants worth a picture, by a name that tells why."""
     moments: dict[str, float] = {}
     for arm in arms:
@@ -220,7 +282,7 @@ def _moments(arms: Sequence[Arm], truth: Mapping[str, Sequence[Piece]]) -> Mappi
     return moments
 
 
-def _most_markers(arm: Arm) -> Mapping[str, float]:
+def _most_markers(arm: ArmRun) -> Mapping[str, float]:
     """Return, by algorithm, when the evidence was taken that rests on the most markers."""
     best: dict[str, tuple[int, float]] = {}
     for event in arm.record.of(Kind.JOB):
@@ -230,7 +292,7 @@ def _most_markers(arm: Arm) -> Mapping[str, float]:
     return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
 
 
-def _misjudged(arm: Arm, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
     """Return, by variable, when evidence was first taken that gave it a value that was not true at that instant."""
     found: dict[str, float] = {}
     for event in arm.record.of(Kind.VARIABLE):

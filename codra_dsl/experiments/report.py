@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from codra_dsl.experiments.lab import OBSERVED, Arm, LabRun
+from codra_dsl.experiments.lab import OBSERVED, ArmRun, LabRun
 from codra_dsl.experiments.pictures import draw_timeline
 from codra_dsl.experiments.tables import score_table, text_table
 from codra_dsl.runtime import Spent
@@ -52,7 +52,7 @@ def _summary(run: LabRun) -> str:
     return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{ended}\n"
 
 
-def _arm_text(arm: Arm) -> str:
+def _arm_text(arm: ArmRun) -> str:
     return f"{arm.name}\n{score_table(arm.scores)}"
 
 
@@ -64,10 +64,10 @@ def _jobs_text(run: LabRun) -> str:
 
 
 def _spent_text(run: LabRun) -> str:
-    everything = sum(run.spent.values(), Spent())
+    everything = sum(run.arms[0].spent.values(), Spent())
     rows = [
         (name, *(str(getattr(spent, each)) for each in _ENDS), *(f"{getattr(spent, each):.1f}" for each in _TIMES))
-        for name, spent in {**run.spent, "all": everything}.items()
+        for name, spent in {**run.arms[0].spent, "all": everything}.items()
     ]
     return text_table((f"spent by {run.arms[0].name}", *_ENDS, *_TIMES.values()), rows)
 

@@ -1,16 +1,14 @@
-"""From a spec file to what starts its observers, and those of its naive arm."""
+"""From a spec file to what starts its observers, and what the laboratory asks of it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from codra_dsl.check import check
 from codra_dsl.emit import emit
 from codra_dsl.experiments.loading import load_start
-from codra_dsl.experiments.naive import naive
 from codra_dsl.load import load_spec
 from codra_dsl.model import Kind, Spec
 from codra_dsl.plan import plan
@@ -25,35 +23,6 @@ class SpecError(Exception):
     """A spec has errors: it cannot be run."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compiled:
-    """A spec, ready to run.
-
-    Attributes:
-        start: starts its observers.
-        start_naive: starts the observers of its naive arm.
-    """
-
-    start: Start
-    start_naive: Start
-
-
-def compiled(spec: Spec, folder: Path) -> Compiled:
-    """Compile a spec twice, as it is and without conditions, and load both by path.
-
-    Args:
-        spec: without errors.
-        folder: an empty folder for the generated code of this run.
-
-    Raises:
-        SpecError: if it has errors.
-    """
-    return Compiled(
-        start=_start(spec, folder / "context_driven"),
-        start_naive=_start(naive(spec), folder / "naive"),
-    )
-
-
 def lacks(spec: Spec) -> tuple[str, ...]:
     """Return what the laboratory's main execution needs and a spec does not declare, in words."""
     skills = {skill.name for skill in spec.skills}
@@ -66,22 +35,30 @@ def lacks(spec: Spec) -> tuple[str, ...]:
     )
 
 
-def _start(spec: Spec, folder: Path) -> Start:
+def start_of(spec: Spec, folder: Path) -> Start:
+    """Compile a spec and return what starts its observers.
+
+    Args:
+        spec: without errors.
+        folder: a folder for the generated code of this run; is made.
+
+    Raises:
+        SpecError: if it has errors.
+    """
     checked, diagnostics = check(spec)
     if checked is None:
         raise SpecError(", ".join(found.message for found in diagnostics))
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     return load_start(emit(plan(checked)), spec.name, folder)
 
 
-def starts(path: Path, folder: Path) -> tuple[Start, Start]:
-    """Return what starts a spec file's observers, and what starts its naive arm.
+def loaded(path: Path) -> Spec:
+    """Return a spec file's content.
 
     Raises:
-        SpecError: if the spec has errors.
+        SpecError: if it has errors.
     """
     spec, diagnostics = load_spec(path.absolute(), path.absolute().parent)
     if spec is None:
         raise SpecError(", ".join(found.message for found in diagnostics))
-    made = compiled(spec, folder)
-    return made.start, made.start_naive
+    return spec

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.experiments.spec_run import starts
+from codra_dsl.experiments.arms import NAIVE, NEED, observers
+from codra_dsl.experiments.spec_run import loaded
 from codra_dsl.runtime import SimClock
 
 SPEC = """\
@@ -34,8 +35,9 @@ def modelled(text: str, folder: Path) -> list[tuple[str, ...]]:
     """Return what each arm of a spec models."""
     folder.mkdir()
     (folder / "door.yaml").write_text(text)
-    arms = starts(folder / "door.yaml", folder / "made")
-    return [start(clock=SimClock(), resources={}).modelled() for start in arms]
+    spec = loaded(folder / "door.yaml")
+    arms = [observers(arm, spec, folder / arm.name) for arm in (NEED, NAIVE)]
+    return [arm.start(clock=SimClock(), resources={}).modelled() for arm in arms]
 
 
 def test_both_arms_model_the_same_also_where_algorithms_are_alternatives(tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from codra_dsl.experiments.lab import CONTEXT_DRIVEN, NAIVE, OBSERVED, LabRun, LabSettings, run_lab
+from codra_dsl.experiments.arms import NAIVE, Arm, Need, Observers, observers
+from codra_dsl.experiments.lab import OBSERVED, LabRun, LabSettings, loops, run_lab
 from codra_dsl.experiments.scoring import Score
-from codra_dsl.experiments.spec_run import starts
+from codra_dsl.experiments.spec_run import loaded
 from codra_dsl.runtime import ContextManager, SimClock
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource, GreyFrameSource
@@ -24,6 +25,7 @@ from codra_dsl.worlds.lab.world import LabWorld
 from generated import lab
 
 SPEC = Path(__file__).parents[2] / "specs" / "lab.yaml"
+CONTEXT_DRIVEN = Arm(name="context-driven", need=Need.ANNOUNCED)
 FROM_PIXELS = (
     "centrifuge_base_in_FOV",
     "centrifuge_lid_in_FOV",
@@ -47,12 +49,21 @@ FROM_THE_ROBOT_ITSELF = (
 @pytest.fixture(scope="module")
 def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
     """Two simulated minutes with both arms."""
-    start, start_naive = starts(SPEC, tmp_path_factory.mktemp("compiled"))
-    return run_lab(start, LabSettings(seed=2, duration_s=120.0), start_naive)
+    folder = tmp_path_factory.mktemp("compiled")
+    arms = [observers(arm, loaded(SPEC), folder / arm.name) for arm in (CONTEXT_DRIVEN, NAIVE)]
+    return run_lab(arms, settings())
+
+
+def settings(duration_s: float = 120.0, expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabSettings:
+    return LabSettings(seed=seed, duration_s=duration_s, work=loops, answering=CONTEXT_DRIVEN.name, expect=expect)
+
+
+def run_alone(run_settings: LabSettings) -> LabRun:
+    return run_lab([Observers(arm=CONTEXT_DRIVEN, start=lab.start)], run_settings)
 
 
 def short_run(expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabRun:
-    return run_lab(lab.start, LabSettings(seed=seed, duration_s=120.0, expect=expect))
+    return run_alone(settings(expect=expect, seed=seed))
 
 
 def test_the_same_seed_gives_the_same_record_and_another_arm_changes_nothing_of_it(both_arms: LabRun) -> None:
@@ -87,7 +98,7 @@ def test_an_expected_preview_is_answered_without_waiting() -> None:
 def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(both_arms: LabRun) -> None:
     context, naive = both_arms.arms
 
-    assert (context.name, naive.name) == (CONTEXT_DRIVEN, NAIVE)
+    assert (context.name, naive.name) == (CONTEXT_DRIVEN.name, NAIVE.name)
     assert all(naive.jobs[name] >= 10 for name in naive.jobs)
     jobs = [event for event in naive.record.of(Kind.JOB) if event.name == "measure_centrifuge_distance"]
     ends = [event.instant_s for event in jobs if event.what == "returned"]
@@ -116,12 +127,12 @@ def test_what_the_main_execution_wrote_itself_does_not_count_as_observed(both_ar
 def test_a_run_ends_at_its_instant_also_while_the_main_execution_waits_for_observers() -> None:
     waited = next(
         event
-        for event in run_lab(lab.start, LabSettings(seed=2, duration_s=240.0)).arms[0].record.of(Kind.DECISION)
+        for event in run_alone(settings(240.0)).arms[0].record.of(Kind.DECISION)
         if event.instant_s > event.details["asked_s"]
     )
     middle_s = (waited.instant_s + waited.details["asked_s"]) / 2
 
-    assert run_lab(lab.start, LabSettings(seed=2, duration_s=middle_s)).duration_s == middle_s
+    assert run_alone(settings(middle_s)).duration_s == middle_s
 
 
 def test_the_handles_that_perception_gets_command_nothing() -> None:

@@ -12,8 +12,8 @@ from math import pi
 from random import Random
 from typing import Any
 
-from codra_dsl.runtime import ContextManager
 from codra_dsl.worlds.lab import perception
+from codra_dsl.worlds.lab.context import Context
 from codra_dsl.worlds.lab.frame import Camera
 from codra_dsl.worlds.lab.layout import MACHINES, Part
 from codra_dsl.worlds.lab.robot import Clock, Robot
@@ -66,9 +66,7 @@ class _Way:
 class Eyes:
     """Looks for what a decision needs, on purpose and one thing at a time."""
 
-    def __init__(
-        self, robot: Robot, camera: Camera, codra: ContextManager[Any, Any], clock: Clock, *, seed: int
-    ) -> None:
+    def __init__(self, robot: Robot, camera: Camera, codra: Context, clock: Clock, *, seed: int) -> None:
         self._robot = robot
         self._camera = camera
         self._codra = codra

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Any
 
-from codra_dsl.runtime import ContextManager, Skill
+from codra_dsl.worlds.lab.context import ActingSkill, Context
 from codra_dsl.worlds.lab.eyes import Eyes
 from codra_dsl.worlds.lab.robot import Clock, OutOfReachError, Robot, RotorPosition, Station
 
@@ -75,7 +74,7 @@ class Mission:
         self,
         robot: Robot,
         eyes: Eyes,
-        codra: ContextManager[Any, Any],
+        codra: Context,
         clock: Clock,
         expect: Expect = Expect.ONE_AHEAD,
     ) -> None:
@@ -184,7 +183,7 @@ class Mission:
 
     # Acting and deciding
 
-    def _act(self, skill: Skill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
+    def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
         """Act, then check by evidence from after the action whether it came to its goal."""
         for _ in range(TRIES):
             with skill.acting():

@@ -1,0 +1,67 @@
+"""The arms of an experiment: what each one's observers are, and whether they follow the main execution's needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from codra_dsl.experiments.edits import Edit, Naive, Refreshed
+from codra_dsl.experiments.spec_run import Start, start_of
+from codra_dsl.model import Refresh, Spec
+
+P1_TRIGGER_S = 7.2
+"""P1, section 4.1: a naive observer's 5006 triggers in 35,806 s of operation."""
+
+
+class Need(StrEnum):
+    """Which variables an arm's observers run for."""
+
+    EVERYTHING = "everything, always"
+    ANNOUNCED = "what the main execution decides on now and next"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """One way to observe.
+
+    Attributes:
+        name: unique in its experiment; people read it in tables.
+        need: for what its observers run.
+        edits: how its spec differs from the experiment's.
+    """
+
+    name: str
+    need: Need
+    edits: tuple[Edit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observers:
+    """The compiled observers of an arm."""
+
+    arm: Arm
+    start: Start
+
+
+NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(Naive(),))
+NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(Naive(pause_s=P1_TRIGGER_S),))
+PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING)
+NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED)
+NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED, edits=(Refreshed(refresh=Refresh.ON_EVENT),))
+
+
+def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:
+    """Compile an arm.
+
+    Args:
+        arm: which.
+        spec: the experiment's, without errors.
+        folder: an empty folder for the generated code.
+
+    Raises:
+        SpecError: if the arm's spec has errors.
+    """
+    for edit in arm.edits:
+        spec = edit(spec)
+    return Observers(arm=arm, start=start_of(spec, folder))
