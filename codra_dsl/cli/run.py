@@ -89,7 +89,7 @@ def run_command(
     settings = lab.LabSettings(
         seed=seed,
         duration_s=duration_s,
-        work=lab.one_loop if duration_s is None else lab.loops,
+        work=lab.OneLoop() if duration_s is None else lab.Loops(),
         answering=CONTEXT_DRIVEN,
         pace=lab.Pace(pace.value),
         progress=_progress(),

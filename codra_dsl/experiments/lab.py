@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from random import Random
@@ -32,7 +32,7 @@ PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycl
 """The variables whose first misjudged frame is shown."""
 
 Work = Callable[[Mission], None]
-"""What the main execution does."""
+"""What the main execution does: a frozen value, so that it can be sent to a process and told in a report."""
 
 
 class Pace(StrEnum):
@@ -89,15 +89,54 @@ class LabRun:
     pictures: Mapping[str, Frame]
 
 
-def one_loop(mission: Mission) -> None:
+@dataclass(frozen=True, slots=True)
+class OneLoop:
     """Process one batch of samples."""
-    mission.run_loop()
 
-
-def loops(mission: Mission) -> None:
-    """Process batch after batch, until time is up."""
-    while True:
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
         mission.run_loop()
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Process batch after batch, until time is up."""
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        while True:
+            mission.run_loop()
+
+
+def telling_moments(run: LabRun) -> Mapping[str, float]:
+    """Return instants worth a picture, by a name that tells why."""
+    moments: dict[str, float] = {}
+    for arm in run.arms:
+        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
+        moments |= {f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged(arm, run.truth).items()}
+    return moments
+
+
+def _most_markers(arm: ArmRun) -> Mapping[str, float]:
+    """Return, by algorithm, when the evidence was taken that rests on the most markers."""
+    best: dict[str, tuple[int, float]] = {}
+    for event in arm.record.of(Kind.JOB):
+        markers = event.details.get("values", {}).get("markers")
+        if event.what == "returned" and isinstance(markers, int):
+            best[event.name] = max(best.get(event.name, (-1, 0.0)), (markers, event.details["evidence_s"][1]))
+    return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
+
+
+def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+    """Return, by variable, when evidence was first taken that gave it a value that was not true at that instant."""
+    found: dict[str, float] = {}
+    for event in arm.record.of(Kind.VARIABLE):
+        if event.what == "identified" and event.name in PICTURED and event.name not in found:
+            evidence_s = event.details["evidence_s"]
+            facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
+            if next(facts, None) not in (None, event.details["value"]):
+                found[event.name] = evidence_s
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +150,7 @@ class LabSettings:
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes the main execution to ask that arm.
         expect: whether the main execution says beforehand what comes next.
+        moments: tells the instants of which frames are kept, by name.
         progress: is told the present instant now and then.
         journal: where the journal of the answering arm goes, if anywhere; those of other arms go beside it, with the
             arm's name in their own.
@@ -118,11 +158,12 @@ class LabSettings:
 
     seed: int = 1
     duration_s: float | None = None
-    work: Work = one_loop
+    work: Work = OneLoop()
     answering: str | None = None
     decision_s: float = 0.0
     pace: Pace = Pace.FAST
     expect: Expect = Expect.ONE_AHEAD
+    moments: Callable[[LabRun], Mapping[str, float]] = telling_moments
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
 
@@ -160,7 +201,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), modelled)
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
         answering = managers.get(settings.answering or "")
-        return LabRun(
+        run = LabRun(
             duration_s=end_s,
             loops=mission.loops,
             error=error,
@@ -171,7 +212,10 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
             asked=tuple(audience.asked),
             skills=tuple(audience.skills),
             decisions={} if answering is None else _decisions(answering.record),
-            pictures={name: frames.frame_at(instant_s) for name, instant_s in _moments(arms, truth).items()},
+            pictures={},
+        )
+        return replace(
+            run, pictures={name: frames.frame_at(instant_s) for name, instant_s in settings.moments(run).items()}
         )
 
 
@@ -271,34 +315,3 @@ def _decisions(record: Record) -> Mapping[str, Counter[str]]:
         if event.what == "answered" and event.details["source"] != MAIN:
             counted[OBSERVED] += 1
     return dict(sorted(counts.items()))
-
-
-def _moments(arms: Sequence[ArmRun], truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
-    """Return instants worth a picture, by a name that tells why."""
-    moments: dict[str, float] = {}
-    for arm in arms:
-        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
-        moments |= {f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged(arm, truth).items()}
-    return moments
-
-
-def _most_markers(arm: ArmRun) -> Mapping[str, float]:
-    """Return, by algorithm, when the evidence was taken that rests on the most markers."""
-    best: dict[str, tuple[int, float]] = {}
-    for event in arm.record.of(Kind.JOB):
-        markers = event.details.get("values", {}).get("markers")
-        if event.what == "returned" and isinstance(markers, int):
-            best[event.name] = max(best.get(event.name, (-1, 0.0)), (markers, event.details["evidence_s"][1]))
-    return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
-
-
-def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
-    """Return, by variable, when evidence was first taken that gave it a value that was not true at that instant."""
-    found: dict[str, float] = {}
-    for event in arm.record.of(Kind.VARIABLE):
-        if event.what == "identified" and event.name in PICTURED and event.name not in found:
-            evidence_s = event.details["evidence_s"]
-            facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
-            if next(facts, None) not in (None, event.details["value"]):
-                found[event.name] = evidence_s
-    return found

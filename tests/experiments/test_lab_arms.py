@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from codra_dsl.experiments.arms import NAIVE, Arm, Need, Observers, observers
-from codra_dsl.experiments.lab import OBSERVED, LabRun, LabSettings, loops, run_lab
+from codra_dsl.experiments.lab import OBSERVED, LabRun, LabSettings, Loops, run_lab
 from codra_dsl.experiments.scoring import Score
 from codra_dsl.experiments.spec_run import loaded
 from codra_dsl.runtime import ContextManager, SimClock
@@ -55,7 +55,7 @@ def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
 
 
 def settings(duration_s: float = 120.0, expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabSettings:
-    return LabSettings(seed=seed, duration_s=duration_s, work=loops, answering=CONTEXT_DRIVEN.name, expect=expect)
+    return LabSettings(seed=seed, duration_s=duration_s, work=Loops(), answering=CONTEXT_DRIVEN.name, expect=expect)
 
 
 def run_alone(run_settings: LabSettings) -> LabRun:

@@ -1,0 +1,143 @@
+"""What came of a trial, as plain data that can be kept in a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from codra_dsl.experiments.scoring import Piece
+from codra_dsl.runtime.conditions import Value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Basis:
+    """On what evidence an arm held a value when a decision needed it.
+
+    Attributes:
+        algorithm: that took the evidence.
+        evidence_s: when.
+        values: what it returned.
+        was_true: whether the value was true at that instant: if so, it has changed since; if not, it was seen wrongly.
+        frame: the picture's file, relative to the folder of the trial's record; empty if there is none.
+    """
+
+    algorithm: str
+    evidence_s: float
+    values: Mapping[str, Any]
+    was_true: bool
+    frame: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """What a decision needed, and what each arm held then (P1, Figure 7).
+
+    Attributes:
+        truth: what was true when the main execution asked.
+        held: the value that each arm held then, None for unknown.
+        fresh: whether each arm's evidence was from after the action that the decision monitors; of a preview always.
+        answer: what the main execution went by.
+        answered_s: when it had that answer.
+        looked_s: how long of the time in between the robot looked by itself.
+        wrong: by arm, the basis of each held value that was not true.
+    """
+
+    instant_s: float
+    variable: str
+    skill: str
+    is_preview: bool
+    truth: Value | None
+    held: Mapping[str, Value | None]
+    fresh: Mapping[str, bool]
+    answer: Value | None
+    answered_s: float
+    looked_s: float
+    wrong: Mapping[str, Basis]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptFrame:
+    """A frame that was kept, and what an algorithm measured in it.
+
+    Attributes:
+        file: of the picture, relative to the folder of the trial.
+        believed_map_from_camera: where the robot believed its camera to be: rotation, shape (3, 3), and translation.
+    """
+
+    file: str
+    arm: str
+    algorithm: str
+    evidence_s: float
+    values: Mapping[str, Any]
+    believed_map_from_camera: tuple[Sequence[Sequence[float]], Sequence[float]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmOutcome:
+    """What one arm held and did in a trial.
+
+    Attributes:
+        held: by variable.
+        first_s: when an observer first identified each variable; None if never.
+        triggers: how many jobs of each algorithm were started.
+        slot_s: for how long its observers held slots.
+    """
+
+    held: Mapping[str, Sequence[Piece]]
+    first_s: Mapping[str, float | None]
+    triggers: Mapping[str, int]
+    slot_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of a trial. All of it is plain data: `to_json` and `from_json` are inverse to each other.
+
+    Attributes:
+        error: what ended the main execution early; None if nothing did.
+        frames: how many frames were rendered for perception, and `perceived` how many instants it looked at.
+        truth: what was true, by variable.
+        skills: the main execution's skills as (name, start in s, end in s).
+        kept: frames to be looked at again.
+    """
+
+    name: str
+    seed: int
+    duration_s: float
+    loops: int
+    error: str | None
+    frames: int
+    perceived: int
+    truth: Mapping[str, Sequence[Piece]]
+    arms: Mapping[str, ArmOutcome]
+    decisions: Sequence[Decision]
+    skills: Sequence[tuple[str, float, float]]
+    kept: Sequence[KeptFrame]
+
+    def to_json(self) -> str:
+        """Return it as JSON."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+    @classmethod
+    def from_json(cls, text: str) -> Outcome:
+        """Return what `to_json` wrote."""
+        told = json.loads(text)
+        arms = {
+            name: ArmOutcome(**{**arm, "held": {each: _pieces(found) for each, found in arm["held"].items()}})
+            for name, arm in told["arms"].items()
+        }
+        decisions = [
+            Decision(**{**each, "wrong": {arm: Basis(**basis) for arm, basis in each["wrong"].items()}})
+            for each in told["decisions"]
+        ]
+        truth = {name: _pieces(found) for name, found in told["truth"].items()}
+        told |= {"truth": truth, "arms": arms, "decisions": decisions}
+        told["skills"] = [tuple(each) for each in told["skills"]]
+        told["kept"] = [KeptFrame(**each) for each in told["kept"]]
+        return cls(**told)
+
+
+def _pieces(told: Sequence[Mapping[str, Any]]) -> tuple[Piece, ...]:
+    return tuple(Piece(**each) for each in told)

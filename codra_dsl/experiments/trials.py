@@ -1,0 +1,225 @@
+"""One run of an experiment, told completely enough to be run again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from codra_dsl.experiments.arms import Arm, observers
+from codra_dsl.experiments.audience import Asked
+from codra_dsl.experiments.lab import ArmRun, LabRun, LabSettings, OneLoop, Work, run_lab
+from codra_dsl.experiments.outcomes import ArmOutcome, Basis, Decision, KeptFrame, Outcome
+from codra_dsl.experiments.scoring import Piece
+from codra_dsl.experiments.spec_run import loaded
+from codra_dsl.runtime import Reading
+from codra_dsl.runtime.conditions import Value
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.worlds.lab.frame import Frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One run of an experiment.
+
+    Attributes:
+        name: unique in its experiment; also the name of the file that keeps what came of it.
+        spec: the file of the experiment's spec.
+        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
+        decision_s: how long it takes to ask that arm.
+        work: what the main execution does.
+        duration_s: how long it does so at most.
+        frames_kept: how many frames are kept, besides those of wrong decisions, to be looked at again.
+    """
+
+    name: str
+    spec: Path
+    seed: int
+    arms: tuple[Arm, ...]
+    answering: str | None = None
+    decision_s: float = 0.0
+    work: Work = OneLoop()
+    duration_s: float | None = None
+    frames_kept: int = 0
+
+
+def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
+    """Run a trial, and keep frames of what was decided wrongly and of evidence to be looked at again.
+
+    Args:
+        trial: what to run.
+        folder: where frames go; it is made.
+        progress: is told the present instant of the world now and then.
+
+    Raises:
+        SpecError: if the spec, or an arm's, has errors.
+    """
+    spec = loaded(trial.spec)
+    settings = LabSettings(
+        seed=trial.seed,
+        duration_s=trial.duration_s,
+        work=trial.work,
+        answering=trial.answering,
+        decision_s=trial.decision_s,
+        moments=lambda run: _moments(run, trial.frames_kept),
+        progress=progress,
+    )
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        arms = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(trial.arms)]
+        run = run_lab(arms, settings)
+    for name, frame in run.pictures.items():
+        store_frame(frame, folder / name)
+    return _outcome(trial, run)
+
+
+def store_frame(frame: Frame, path: Path) -> None:
+    """Write a frame's pixels as PNG.
+
+    Raises:
+        OSError: if that is not possible.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not cv2.imwrite(str(path), cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR)):
+        raise OSError(f"cannot write {path}")
+
+
+# Which frames are kept
+
+
+def _moments(run: LabRun, frames_kept: int) -> Mapping[str, float]:
+    """Return the instants of frames to keep, by file name: of evidence for wrong decisions, and evenly over the run."""
+    instants = {basis.evidence_s for decision in _decisions(run) for basis in decision.wrong.values() if basis.frame}
+    instants |= {kept.evidence_s for kept in _evenly(run, frames_kept)}
+    return {_file_of(instant_s): instant_s for instant_s in sorted(instants)}
+
+
+def _file_of(instant_s: float) -> str:
+    return f"{instant_s!r}.png"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Evidence:
+    """What a job of an arm returned on a frame."""
+
+    arm: str
+    algorithm: str
+    evidence_s: float
+    values: Mapping[str, Any]
+
+
+def _evenly(run: LabRun, count: int) -> Sequence[_Evidence]:
+    """Return evidence from frames, of all arms, evenly over a run."""
+    found = [
+        _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
+        for arm in run.arms
+        for event in arm.record.of(Kind.JOB)
+        if event.what == "returned" and "distance" not in (values := event.details["values"])
+    ]
+    found.sort(key=lambda each: (each.evidence_s, each.arm, each.algorithm))
+    return [found[len(found) * index // count] for index in range(count)] if found else []
+
+
+# What came of it
+
+
+def _outcome(trial: Trial, run: LabRun) -> Outcome:
+    return Outcome(
+        name=trial.name,
+        seed=trial.seed,
+        duration_s=run.duration_s,
+        loops=run.loops,
+        error=run.error,
+        frames=run.frames,
+        perceived=run.perceived,
+        truth=run.truth,
+        arms={arm.name: _arm_outcome(arm) for arm in run.arms},
+        decisions=_decisions(run),
+        skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
+        kept=list(_kept(run, trial.frames_kept)),
+    )
+
+
+def _arm_outcome(arm: ArmRun) -> ArmOutcome:
+    return ArmOutcome(
+        held=arm.held,
+        first_s={score.name: score.first_s for score in arm.scores},
+        triggers=arm.jobs,
+        slot_s=sum(spent.slot_s for spent in arm.spent.values()),
+    )
+
+
+def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:
+    for evidence in _evenly(run, count):
+        name = _file_of(evidence.evidence_s)
+        believed = run.pictures[name].believed_map_from_camera
+        yield KeptFrame(
+            file=name,
+            arm=evidence.arm,
+            algorithm=evidence.algorithm,
+            evidence_s=evidence.evidence_s,
+            values=dict(evidence.values),
+            believed_map_from_camera=(believed.rotation.tolist(), believed.translation_m.tolist()),
+        )
+
+
+def _decisions(run: LabRun) -> Sequence[Decision]:
+    returned = {arm.name: _returned(arm) for arm in run.arms}
+    return [_decision(asked, run.truth[asked.variable], returned) for asked in run.asked if asked.variable in run.truth]
+
+
+_Returned = Mapping[tuple[str, float], Mapping[str, Any]]
+"""What jobs returned, by algorithm and the end of their evidence."""
+
+
+def _returned(arm: ArmRun) -> _Returned:
+    return {
+        (event.name, event.details["evidence_s"][1]): event.details["values"]
+        for event in arm.record.of(Kind.JOB)
+        if event.what == "returned"
+    }
+
+
+def _decision(asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Returned]) -> Decision:
+    true_now = value_at(truth, asked.instant_s)
+    held = {arm: reading.content for arm, reading in asked.held.items()}
+    return Decision(
+        instant_s=asked.instant_s,
+        variable=asked.variable,
+        skill=asked.skill,
+        is_preview=asked.since_s <= 0.0,
+        truth=true_now,
+        held=held,
+        fresh={arm: reading.known and reading.evidence_s >= asked.since_s for arm, reading in asked.held.items()},
+        answer=asked.answer,
+        answered_s=asked.answered_s,
+        looked_s=asked.looked_s,
+        wrong={
+            arm: _basis(reading, truth, returned[arm])
+            for arm, reading in asked.held.items()
+            if reading.known and reading.content != true_now
+        },
+    )
+
+
+def _basis(reading: Reading[Any], truth: Sequence[Piece], returned: _Returned) -> Basis:
+    values = returned.get((reading.source, reading.evidence_s))
+    is_frame = values is not None and "distance" not in values
+    return Basis(
+        algorithm=reading.source,
+        evidence_s=reading.evidence_s,
+        values=dict(values or {}),
+        was_true=value_at(truth, reading.evidence_s) == reading.content,
+        frame=_file_of(reading.evidence_s) if is_frame else "",
+    )
+
+
+def value_at(pieces: Sequence[Piece], instant_s: float) -> Value | None:
+    """Return the value that stands at an instant; at the end of the last piece, what stood before."""
+    for piece in pieces:
+        if instant_s < piece.end_s:
+            return piece.value
+    return pieces[-1].value if pieces else None
