@@ -98,6 +98,9 @@ class OneLoop:
         mission.run_loop()
 
 
+ONE_LOOP = OneLoop()
+
+
 @dataclass(frozen=True, slots=True)
 class Loops:
     """Process batch after batch, until time is up."""
@@ -158,7 +161,7 @@ class LabSettings:
 
     seed: int = 1
     duration_s: float | None = None
-    work: Work = OneLoop()
+    work: Work = ONE_LOOP
     answering: str | None = None
     decision_s: float = 0.0
     pace: Pace = Pace.FAST

@@ -12,7 +12,7 @@ import cv2
 
 from codra_dsl.experiments.arms import Arm, observers
 from codra_dsl.experiments.audience import Asked
-from codra_dsl.experiments.lab import ArmRun, LabRun, LabSettings, OneLoop, Work, run_lab
+from codra_dsl.experiments.lab import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
 from codra_dsl.experiments.outcomes import ArmOutcome, Basis, Decision, KeptFrame, Outcome
 from codra_dsl.experiments.scoring import Piece
 from codra_dsl.experiments.spec_run import loaded
@@ -42,7 +42,7 @@ class Trial:
     arms: tuple[Arm, ...]
     answering: str | None = None
     decision_s: float = 0.0
-    work: Work = OneLoop()
+    work: Work = ONE_LOOP
     duration_s: float | None = None
     frames_kept: int = 0
 
