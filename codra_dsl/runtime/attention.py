@@ -1,4 +1,4 @@
-"""When a variable whose `refresh` is `on_event` is worth another look."""
+"""What the skills under way mean for observers: when to look on events, and what an action may be changing now."""
 
 from __future__ import annotations
 
@@ -10,23 +10,34 @@ from codra_dsl.runtime.cell import BEFORE_ALL_S, Reading
 
 
 class Attention:
-    """What skills under way monitor, and when one last ended to act. Whoever changes it holds the lock."""
+    """What skills monitor and, while they act, change, and when one last ended to act. Who changes it holds the lock."""
 
     def __init__(self) -> None:
         self._monitored: Counter[str] = Counter()
+        self._changing: dict[int, frozenset[str]] = {}
         self._acted_s = BEFORE_ALL_S
 
     def begin(self, monitored: Iterable[str]) -> None:
         """Begin a skill that monitors some variables."""
         self._monitored.update(monitored)
 
-    def finish(self, monitored: Iterable[str]) -> None:
-        """End a skill that monitored some variables."""
+    def finish(self, number: int, monitored: Iterable[str]) -> None:
+        """End a skill that monitored some variables, and its acting."""
         self._monitored.subtract(monitored)
+        self._changing.pop(number, None)
 
-    def acted(self, now_s: float) -> None:
+    def act(self, number: int, changes: Iterable[str]) -> None:
+        """Note that a skill acts, which changes some variables."""
+        self._changing[number] = frozenset(changes)
+
+    def acted(self, number: int, now_s: float) -> None:
         """Note that acting ends: the world may be another one."""
+        self._changing.pop(number, None)
         self._acted_s = now_s
+
+    def may_be_changing(self, variable: str) -> bool:
+        """Return whether a skill acts that changes a variable: then what is not seen any more is not known any more."""
+        return any(variable in changes for changes in self._changing.values())
 
     def is_due(self, reading: Reading[Value]) -> bool:
         """Return whether to look: it is unknown, it is monitored, or its evidence is from before the end of acting."""

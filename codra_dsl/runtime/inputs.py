@@ -137,6 +137,7 @@ class Inputs:
             self._tell("act", number=number)
             for variable in skill.changes:
                 self._store.invalidate(variable, skill.name, MAIN)
+            self._attention.act(number, skill.changes)
             self._expectations.act(number, skill)
 
     def acted(self, number: int) -> None:
@@ -144,7 +145,7 @@ class Inputs:
         with self._clock:
             self._tell("acted", number=number)
             self._expectations.acted(number)
-            self._attention.acted(self._clock.now_s())
+            self._attention.acted(number, self._clock.now_s())
             self._forest.look_again()
 
     def finish(self, number: int) -> None:
@@ -276,7 +277,7 @@ class Inputs:
     def _finish(self, number: int) -> None:
         _party, skill = self._begun.pop(number)
         self._expectations.finish(number)
-        self._attention.finish(skill.monitor)
+        self._attention.finish(number, skill.monitor)
         self.declarations.hold(under_way(skill.name, number), ())
 
     def _hold_expected(self, skills: list[str], party: str) -> None:

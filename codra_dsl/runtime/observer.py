@@ -221,13 +221,18 @@ class Observer:
 
     def _settle(self, variable: str) -> None:
         """Decide what a tick means for a variable beside the value that it may have brought."""
-        forgets = self.surroundings.variables[variable].when_unobservable == "forget"
+        forgets = self._forgets(variable)
         if variable in self._setbacks and not self._concluded and not self._alternative_is_busy(variable):
             setback = decisive(self._reading(variable), self._setbacks.pop(variable, ()), forgets=forgets)
             if setback is not None:
                 self._make_unknown(variable, setback)
         if forgets and variable in self._watches:
             self._forget_unseen(variable)
+
+    def _forgets(self, variable: str) -> bool:
+        """Return whether a value is lost when it cannot be seen; of what an action changes meanwhile, it always is."""
+        model = self.surroundings.variables[variable]
+        return model.when_unobservable == "forget" or self.surroundings.attention.may_be_changing(variable)
 
     def _is_unsettled(self) -> bool:
         """Return whether, after an attempt, another tick at this instant may bring something."""
