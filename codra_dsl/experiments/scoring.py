@@ -74,8 +74,8 @@ def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: Reco
         seconds[verdict] += duration_s
     identified = [
         event
-        for event in record.of(Kind.VARIABLE)
-        if event.name == name and event.what == "identified" and event.details["source"] != MAIN
+        for event in record.of(Kind.VARIABLE, name)
+        if event.what == "identified" and event.details["source"] != MAIN
     ]
     return Score(
         name=name,

@@ -65,9 +65,9 @@ class Record:
     def end(self) -> None:
         """Take note that the run has ended."""
 
-    def of(self, kind: Kind) -> tuple[Event, ...]:
-        """Return the events of one kind, in order."""
-        return tuple(event for event in self if event.kind is kind)
+    def of(self, kind: Kind, name: str | None = None) -> tuple[Event, ...]:
+        """Return the events of one kind, in order; of one name alone, if one is given."""
+        return tuple(_event(told) for told in tuple(self._events) if _is_of(told, kind, name))
 
     def text(self) -> str:
         """Return the record as JSON lines."""
@@ -136,6 +136,11 @@ class Scribe:
     def _add_at_once(self, told: Noted) -> None:
         """Add an event, for a record that does more than keep it."""
         self._record.add(_event(told))
+
+
+def _is_of(told: Event | Noted, kind: Kind, name: str | None) -> bool:
+    told_kind, told_name = (told.kind, told.name) if isinstance(told, Event) else (Kind.VARIABLE, told[1])
+    return told_kind is kind and name in (None, told_name)
 
 
 def _event(told: Event | Noted) -> Event:

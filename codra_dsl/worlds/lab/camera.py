@@ -7,11 +7,13 @@ exposure, the room's light, the lens, and noise.
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import fields
 from math import ceil
 from random import Random
 from threading import Lock
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import cv2
 import mujoco
@@ -39,6 +41,8 @@ _SHARP_BELOW_PX = 0.2
 _SUBFRAMES = 6
 """At most so many instants of an exposure are averaged."""
 
+_TOUCHES_M = 1e-6
+
 _FRAMES_KEPT = 32
 _NOISE_BANK_PX = 1024
 _LEFT_OUT = (
@@ -47,6 +51,9 @@ _LEFT_OUT = (
     mujoco.mjtRndFlag.mjRND_SKYBOX,
 )
 """What MuJoCo draws unless told not to, at three times the cost; shadows also disturb the poses of tags."""
+
+_UNSEEN = frozenset({"t_s", "light", "is_localized"})
+"""What of a state shows nowhere in a picture of the room in ordinary light."""
 
 Pixels = NDArray[np.uint8]
 
@@ -140,21 +147,24 @@ class FrameSource:
         return drawing.result()
 
     def _draw(self, instant_s: float) -> Frame:
-        exposed = _average([self._renderer.draw(state) for state in exposure(self._world, instant_s)])
+        states = exposure(self._world, instant_s)
+        exposed = self._renderer.expose(states)
         self.rendered += 1
         _Renderer.count_frame()
-        return self._optics.frame(exposed, instant_s)
+        return self._optics.frame(exposed, states[-1])
 
 
 class GreyFrameSource:
     """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them."""
 
     def __init__(self, world: LabWorld) -> None:
+        self._world = world
         self._optics = _Optics(world)
+        self._exposed = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
 
     def frame_at(self, instant_s: float) -> Frame:
         """Return the grey frame of an instant."""
-        return self._optics.frame(np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8), instant_s)
+        return self._optics.frame(self._exposed, self._world.state(instant_s))
 
 
 def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
@@ -194,25 +204,34 @@ class _Renderer:
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = self._stage.model.camera(CAMERA_NAME).id
         self._rectangle = mujoco.MjrRect(0, 0, INTRINSICS.width, INTRINSICS.height)
-        self._options = mujoco.MjvOption()
+        self._in_the_room, self._the_room = _drawing_order(self._stage)
         self._perturbation = mujoco.MjvPerturb()
+        self._upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
+        self._shown: tuple[Any, ...] = ()
+        self._still: Pixels = self._upside_down
 
-    def draw(self, state: LabState) -> Pixels:
-        """Return the room in ordinary light through a perfect lens."""
+    def expose(self, states: Sequence[LabState]) -> Pixels:
+        """Return the average of the room in some states, in ordinary light through a perfect lens.
+
+        While nothing moves the picture drawn last is given out again.
+        """
+        if len(states) > 1:
+            return _average([self._draw(state) for state in states])
+        shown = _shown(states[0])
+        if shown != self._shown:
+            self._still, self._shown = self._draw(states[0]), shown
+        return self._still
+
+    def _draw(self, state: LabState) -> Pixels:
         self._stage.place(state)
+        model, data, everything = self._stage.model, self._stage.data, mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
-            self._stage.model,
-            self._stage.data,
-            self._options,
-            self._perturbation,
-            self._camera,
-            mujoco.mjtCatBit.mjCAT_ALL.value,
-            self._scene,
+            model, data, self._in_the_room, self._perturbation, self._camera, everything, self._scene
         )
-        upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
+        mujoco.mjv_addGeoms(model, data, self._the_room, self._perturbation, everything, self._scene)
         mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
-        mujoco.mjr_readPixels(upside_down, None, self._rectangle, self._mujoco_context)
-        return np.ascontiguousarray(np.flipud(upside_down))
+        mujoco.mjr_readPixels(self._upside_down, None, self._rectangle, self._mujoco_context)
+        return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
 
     def free(self) -> None:
         """Give everything back, in the thread that made it."""
@@ -226,30 +245,70 @@ class _Optics:
     def __init__(self, world: LabWorld) -> None:
         self._world = world
         bank = np.random.default_rng(7).normal(0.0, NOISE_GREYS, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
-        self._noise = np.round(bank).astype(np.int16)
+        noise = np.round(bank)
+        self._brighter, self._darker = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
         self._mounting = _mounting_error(world.seed)
+        self._exposed: Pixels | None = None
+        self._light = 0.0
+        self._blurred: Pixels = self._brighter
 
-    def frame(self, exposed: Pixels, instant_s: float) -> Frame:
-        """Return the frame that the sensor makes of an exposure in ordinary light."""
-        state = self._world.state(instant_s)
-        lit = cv2.convertScaleAbs(exposed, alpha=max(state.light, 0.0))
-        blurred = cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX)
-        pixels = np.asarray(cv2.add(blurred, self._noise_at(instant_s), dtype=cv2.CV_8U), dtype=np.uint8)
+    def frame(self, exposed: Pixels, state: LabState) -> Frame:
+        """Return the frame that the sensor makes of an exposure in ordinary light.
+
+        Args:
+            exposed: shape (height, width, 3); nobody changes it afterwards.
+            state: at the exposure's end.
+        """
+        here = self._noise_at(state.t_s)
+        brighter = cv2.add(self._behind_the_lens(exposed, max(state.light, 0.0)), self._brighter[here])
+        pixels = np.asarray(cv2.subtract(brighter, self._darker[here], dst=brighter), dtype=np.uint8)
         pixels.setflags(write=False)
-        believed = self._world.believed_map_from_robot(instant_s) @ state.robot_from_camera() @ self._mounting
-        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=instant_s)
+        believed = self._world.believed_map_from_robot(state.t_s) @ state.robot_from_camera() @ self._mounting
+        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
 
-    def _noise_at(self, instant_s: float) -> NDArray[np.int16]:
-        """Return a piece of the noise bank, chosen by (seed, camera, instant)."""
+    def _behind_the_lens(self, exposed: Pixels, light: float) -> Pixels:
+        """Return what falls on the sensor; while nothing changes, what fell on it last."""
+        if exposed is not self._exposed or light != self._light:
+            lit = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
+            self._blurred = np.asarray(cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
+            self._exposed, self._light = exposed, light
+        return self._blurred
+
+    def _noise_at(self, instant_s: float) -> tuple[slice, slice]:
+        """Return a place in the noise bank, chosen by (seed, camera, instant)."""
         random = Random(f"{self._world.seed} {CAMERA_NAME} {instant_s!r}")
         top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
         left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
-        return self._noise[top : top + INTRINSICS.height, left : left + INTRINSICS.width]
+        return slice(top, top + INTRINSICS.height), slice(left, left + INTRINSICS.width)
+
+
+def _shown(state: LabState) -> tuple[Any, ...]:
+    """Return all of a state that a picture of the room shows."""
+    return tuple(getattr(state, field.name) for field in fields(state) if field.name not in _UNSEEN)
+
+
+def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
+    """Return options that show what is in the room, and the room itself, which is to be drawn last.
+
+    OpenGL spends no time on what lies behind something drawn before, and floor and walls lie behind everything. What
+    stands on the floor goes with it, so that things which touch are drawn in the model's order.
+    """
+    mujoco.mj_kinematics(stage.model, stage.data)
+    is_fixed = (stage.model.body_weldid == 0) & (stage.model.body_mocapid < 0)
+    reach_down_m = (np.abs(stage.data.geom_xmat[:, 6:9]) * stage.model.geom_size).sum(axis=1)
+    is_room = is_fixed[stage.model.geom_bodyid] & (stage.data.geom_xpos[:, 2] - reach_down_m <= _TOUCHES_M)
+    stage.model.geom_group[:] = is_room
+    options = mujoco.MjvOption(), mujoco.MjvOption()
+    for group, option in enumerate(options):
+        option.geomgroup[:] = [index == group for index in range(mujoco.mjNGROUP)]
+    return options
 
 
 def _average(pictures: list[Pixels]) -> Pixels:
     if len(pictures) == 1:
         return pictures[0]
+    if len(pictures) == 2:
+        return np.asarray(cv2.addWeighted(pictures[0], 0.5, pictures[1], 0.5, 0.0), dtype=np.uint8)
     total = np.zeros(pictures[0].shape, dtype=np.float32)
     for picture in pictures:
         cv2.accumulate(picture, total)

@@ -70,7 +70,12 @@ def choose_backend() -> str:
 
 
 def make_context(backend: str, width: int, height: int) -> Context:
-    """Return a new context that can draw images of a size, whether or not MuJoCo was imported before the choice."""
+    """Return a new context that can draw images of a size, whether or not MuJoCo was imported before the choice.
+
+    Mesa's software draws them in the thread that asks, unless LP_NUM_THREADS says otherwise: the images are small, and
+    threads of its own would only take the other cores from whoever runs there.
+    """
+    os.environ.setdefault("LP_NUM_THREADS", "0")
     context: Context = importlib.import_module(f"mujoco.{Backend(backend)}").GLContext(width, height)
     return context
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import atan2, hypot, pi, sqrt
 
 import cv2
@@ -53,6 +53,7 @@ _LINE_WIDENING = 0.3
 _BLOCK_PX = 16
 
 _Picture = NDArray[np.float32]
+_Places = NDArray[np.intp]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,11 +85,18 @@ _CROSSED_PAIRS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Edges:
-    """Steep places of a picture: the picture, and the places' rows, columns and directions (rad, modulo pi)."""
+    """Steep places of a picture.
 
-    picture: _Picture
-    rows: NDArray[np.intp]
-    columns: NDArray[np.intp]
+    Attributes:
+        greys: the picture, row by row.
+        row_px: how long a row is.
+        places: indices into `greys`.
+        angles_rad: their directions.
+    """
+
+    greys: _Picture
+    row_px: int
+    places: _Places
     angles_rad: NDArray[np.float32]
     noise: float
 
@@ -131,15 +139,18 @@ def _noise_greys(grey: _Picture) -> float:
 def _edges(grey: _Picture, noise: float) -> _Edges:
     """Return places that are steeper than noise, evenly drawn from all if there are very many."""
     picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _LENS_BLUR_PX), dtype=np.float32)
-    half_step = np.array([[-0.5, 0.0, 0.5]], dtype=np.float32)
-    right, down = cv2.filter2D(picture, -1, half_step), cv2.filter2D(picture, -1, half_step.T)
-    flattest = max(_FLATTEST_EDGE, _EDGE_OVER_NOISE * noise / 4)
+    height, width = picture.shape
     margin = _REACH_PX + 2
-    rows, columns = np.nonzero(cv2.magnitude(right, down)[margin:-margin, margin:-margin] > flattest)
-    drawn = slice(None, None, 1 + len(rows) // _MOST_EDGES)
-    rows, columns = rows[drawn] + margin, columns[drawn] + margin
-    angles_rad = np.arctan2(down[rows, columns], right[rows, columns]).astype(np.float32)
-    return _Edges(picture, rows, columns, angles_rad, noise)
+    rows, columns = slice(margin, height - margin), slice(margin, width - margin)
+    right = cv2.subtract(picture[rows, margin + 1 : 1 - margin], picture[rows, margin - 1 : -1 - margin])
+    down = cv2.subtract(picture[margin + 1 : 1 - margin, columns], picture[margin - 1 : -1 - margin, columns])
+    flattest = max(_FLATTEST_EDGE, _EDGE_OVER_NOISE * noise / 4)
+    steep = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
+    steep = steep[:: 1 + len(steep) // _MOST_EDGES]
+    angles_rad = np.arctan2(down.ravel()[steep], right.ravel()[steep])
+    steep_rows, steep_columns = np.divmod(steep, right.shape[1])
+    places = (steep_rows + margin) * width + steep_columns + margin
+    return _Edges(picture.ravel(), width, places, angles_rad, noise)
 
 
 def _blur_px2(edges: _Edges) -> float | None:
@@ -150,10 +161,11 @@ def _blur_px2(edges: _Edges) -> float | None:
     """
     sums_px2: list[float] = []
     for pair in _CROSSED_PAIRS:
-        fewer, more = sorted(np.count_nonzero(_faces(edges, direction)) for direction in pair)
+        facing = [_facing(edges, direction) for direction in pair]
+        fewer, more = sorted(len(edges.places) for edges in facing)
         if more >= _FEWEST_EDGES and fewer < _FEWER_SHARE * more:
             return None
-        added_px2 = [_added_blur_px2(edges, direction) for direction in pair]
+        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing, pair, strict=True)]
         if None not in added_px2:
             sums_px2.append(sum(filter(None, added_px2)))
     return max(sums_px2, default=None)
@@ -166,37 +178,45 @@ def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
 
 
 def _width_px(edges: _Edges, direction: _Direction) -> float | None:
-    """Return how wide the sharper edges across a direction are, or None if there are too few to tell.
+    """Return how wide the sharper of edges across a direction are, or None if there are too few to tell.
 
     A width is an edge's height over its slope; for a step under a Gaussian blur it is sqrt(2 pi) times the deviation.
     """
-    reach = int(_REACH_PX / direction.stride_px())
-    profiles = _profiles(edges, direction, reach)
-    middle = reach + 1
-    slopes = np.abs(profiles[:, 2:] - profiles[:, :-2]) / (2 * direction.stride_px())
-    is_steepest = (slopes[:, reach] >= slopes[:, reach - 1]) & (slopes[:, reach] > slopes[:, reach + 1])
-    profiles, steepest = profiles[is_steepest], slopes[is_steepest, reach]
-    tops, feet = profiles[:, middle:-1].max(axis=1), profiles[:, 1 : middle + 1].min(axis=1)
+    upwards = _upwards(edges, direction)
+    around = _profiles(edges.greys, edges.places, upwards, 2)
+    slopes = np.abs(around[:, 2:] - around[:, :-2]) / (2 * direction.stride_px())
+    is_steepest = (slopes[:, 1] >= slopes[:, 0]) & (slopes[:, 1] > slopes[:, 2])
+    steepest, reach = slopes[is_steepest, 1], int(_REACH_PX / direction.stride_px())
+    profiles = _profiles(edges.greys, edges.places[is_steepest], upwards[is_steepest], reach)
+    tops, feet = profiles[:, reach:].max(axis=1), profiles[:, : reach + 1].min(axis=1)
     heights = np.maximum(tops - feet - 1.35 * _NOISE_LEFT * edges.noise, 0.0)  # the extremes of seven noisy values
-    step_share = np.clip((profiles[:, -2] - profiles[:, 1]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
+    step_share = np.clip((profiles[:, -1] - profiles[:, 0]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
     widths_px = heights / steepest * (1.0 + _LINE_WIDENING * (1.0 - step_share))
     widths_px = widths_px[tops < _SATURATED_GREYS]  # beyond, an edge is cut off and looks sharper than it is
     return None if len(widths_px) < _FEWEST_EDGES else float(np.percentile(widths_px, _SHARPER_PERCENTILE))
 
 
-def _profiles(edges: _Edges, direction: _Direction, reach: int) -> NDArray[np.float32]:
-    """Return the picture across the edges that face a direction, dark side first, shape (n, 2 * reach + 3)."""
-    faces = _faces(edges, direction)
-    steps = np.arange(-reach - 1, reach + 2)
-    rows = edges.rows[faces, None] + direction.down * steps
-    columns = edges.columns[faces, None] + direction.right * steps
-    profiles: NDArray[np.float32] = edges.picture[rows, columns]
-    is_rising = np.cos(edges.angles_rad[faces] - direction.angle_rad()) > 0
-    return np.where(is_rising[:, None], profiles, profiles[:, ::-1])
+def _profiles(greys: _Picture, places: _Places, upwards: _Places, reach: int) -> _Picture:
+    """Return the greys around places, from `reach` steps before to as many after, shape (n, 2 * reach + 1)."""
+    return greys.take(places[:, None] + upwards[:, None] * np.arange(-reach, reach + 1))
 
 
-def _faces(edges: _Edges, direction: _Direction) -> NDArray[np.bool_]:
-    """Return which edges are crossed by a direction at nearly a right angle."""
-    off_rad = np.mod(edges.angles_rad - direction.angle_rad() + pi / 2, pi) - pi / 2
-    faces: NDArray[np.bool_] = np.abs(off_rad) < _AIM_RAD
-    return faces
+def _upwards(edges: _Edges, direction: _Direction) -> _Places:
+    """Return the step from place to place that leads along a direction, from each edge's dark side to its bright."""
+    step = direction.down * edges.row_px + direction.right
+    return np.where(np.cos(edges.angles_rad - direction.angle_rad()) > 0, step, -step)
+
+
+def _facing(edges: _Edges, direction: _Direction) -> _Edges:
+    """Return the edges that a direction crosses at nearly a right angle."""
+    off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
+    faces = np.abs(off_rad) < _AIM_RAD
+    return replace(edges, places=edges.places[faces], angles_rad=edges.angles_rad[faces])
+
+
+def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what `np.mod` does for angles between -2 pi and 2 pi, in a tenth of its time."""
+    half_turn = np.float32(pi)
+    angles_rad = np.where(angles_rad >= half_turn, angles_rad - half_turn, angles_rad)
+    angles_rad = np.where(angles_rad <= -half_turn, angles_rad + half_turn, angles_rad)
+    return np.where(angles_rad < 0, angles_rad + half_turn, angles_rad)

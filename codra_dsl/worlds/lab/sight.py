@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from codra_dsl.worlds.lab.layout import INTRINSICS, MACHINES, TILE_PER_TAG, Part, Tag
 from codra_dsl.worlds.lab.poses import Array, Pose
 from codra_dsl.worlds.lab.scene import Stage
-from codra_dsl.worlds.lab.world import LabState
+from codra_dsl.worlds.lab.world import JointKey, LabState
 
 _NEAREST_M = 0.05
 """Nothing nearer to the camera than this, along its axis, counts as in front of it."""
@@ -57,10 +57,19 @@ class TagInView:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _PartTags:
-    """The tags of one part as arrays in the part's frame, shape (n * 4, 3): corners, and each corner's tag's normal."""
+    """The tags of one part as arrays in one frame, shape (n * 4, 3): corners, and each corner's tag's normal."""
 
     corners_m: Array
     normals: Array
+
+
+@lru_cache(maxsize=64)
+def _tags_in_map(machine: str, part: Part, angle_rad: float) -> _PartTags:
+    """Return the tags of one part in the map; parts stand still most of the time."""
+    map_from_part, part_tags = MACHINES[machine].map_from_part(part, angle_rad), _tags_of(machine, part)
+    return _PartTags(
+        corners_m=map_from_part.apply(part_tags.corners_m), normals=part_tags.normals @ map_from_part.rotation.T
+    )
 
 
 @cache
@@ -177,12 +186,10 @@ def _width_px(corners_px: Array) -> float:
 
 def _corners_in_map(state: LabState, parts: Iterable[tuple[str, Part]]) -> tuple[Array, Array]:
     """Return the corners of all tags of some parts, and for each the normal of its tag, shape (n, 3), in the map."""
-    corners_m, normals = [], []
-    for machine, part in parts:
-        map_from_part, part_tags = state.map_from_part(machine, part), _tags_of(machine, part)
-        corners_m.append(map_from_part.apply(part_tags.corners_m))
-        normals.append(part_tags.normals @ map_from_part.rotation.T)
-    return np.concatenate(corners_m), np.concatenate(normals)
+    placed = [
+        _tags_in_map(machine, part, state.joints_rad.get(JointKey(machine, part), 0.0)) for machine, part in parts
+    ]
+    return np.concatenate([tags.corners_m for tags in placed]), np.concatenate([tags.normals for tags in placed])
 
 
 def _pixels(map_from_camera: Pose, points_m: Array) -> Array:
