@@ -51,13 +51,13 @@ class Spread:
 
 DURATIONS: Mapping[Phase, Spread] = MappingProxyType(
     {
-        Phase.PLAN_LOOK: Spread(2.5, 0.8),
-        Phase.MOVE_CAMERA: Spread(7.0, 1.5),
-        Phase.SETTLE: Spread(3.0, 0.5),
+        Phase.PLAN_LOOK: Spread(3.5, 1.1),
+        Phase.MOVE_CAMERA: Spread(8.5, 1.8),
+        Phase.SETTLE: Spread(4.0, 0.7),
         Phase.PLAN_UNLOCK: Spread(35.0, 9.0),
-        Phase.PLAN_LOCK: Spread(18.0, 6.0),
-        Phase.PLAN_OPEN: Spread(45.0, 10.0),
-        Phase.PLAN_CLOSE: Spread(15.0, 5.0),
+        Phase.PLAN_LOCK: Spread(15.0, 5.0),
+        Phase.PLAN_OPEN: Spread(46.0, 10.0),
+        Phase.PLAN_CLOSE: Spread(12.0, 4.0),
         Phase.PLAN_TRAY: Spread(10.0, 3.0),
         Phase.PLAN_ROTOR: Spread(8.0, 2.0),
         Phase.PLAN_DRIVE: Spread(4.0, 1.0),
@@ -66,7 +66,7 @@ DURATIONS: Mapping[Phase, Spread] = MappingProxyType(
         Phase.REPLAN: Spread(22.0, 6.0),
         Phase.TURN_LEVER: Spread(22.0, 3.0),
         Phase.LIFT_LID: Spread(50.0, 6.0),
-        Phase.LOWER_LID: Spread(35.0, 5.0),
+        Phase.LOWER_LID: Spread(31.0, 5.0),
         Phase.TURN_ROTOR: Spread(10.0, 1.5),
         Phase.LET_GO: Spread(5.0, 1.0),
         Phase.RETREAT: Spread(14.0, 2.5),

@@ -13,7 +13,7 @@ import numpy as np
 
 from codra_dsl.worlds.lab.layout import MACHINES, Part
 from codra_dsl.worlds.lab.poses import Array, Pose, looking_at
-from codra_dsl.worlds.lab.scene import FINGER_TIP_M
+from codra_dsl.worlds.lab.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, PCR_CYCLER_KNOB_M
 
 Gaze = tuple[float, ...]
 """The camera's place and a point on its axis: six numbers in metres, in one frame."""
@@ -56,16 +56,22 @@ _GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyTyp
         ("centrifuge", Part.LID): (0.515, 0.0, 0.065),
         ("centrifuge", Part.LATCH): (0.0, 0.03, 0.0),
         ("centrifuge", Part.ROTOR): (0.0, 0.0, 0.02),
-        ("pcr_cycler", Part.LID): (0.355, 0.0, 0.112),
-        ("pcr_cycler", Part.LATCH): (0.0, 0.015, 0.0),
+        ("pcr_cycler", Part.LID): PCR_CYCLER_HANDLE_M,
+        ("pcr_cycler", Part.LATCH): PCR_CYCLER_KNOB_M,
     }
 )
 """Where the fingers hold a part, in the part's frame."""
 
-_PITCH_RAD: Mapping[Part, tuple[float, float]] = MappingProxyType(
-    {Part.LID: (0.55, 0.05), Part.LATCH: (0.45, 0.45), Part.ROTOR: (1.05, 1.05)}
+_HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
+    {
+        ("centrifuge", Part.LID): ((0.55, 0.0), (0.05, 0.0)),
+        ("centrifuge", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
+        ("centrifuge", Part.ROTOR): ((1.05, 0.0), (1.05, 0.0)),
+        ("pcr_cycler", Part.LID): ((0.45, 0.50), (1.07, 0.84)),
+        ("pcr_cycler", Part.LATCH): ((0.20, 0.03), (0.20, 0.03)),
+    }
 )
-"""How far down the hand points at the two ends of a part's motion."""
+"""How far the hand points down, and from the right to the left, at the two ends of a part's motion."""
 
 _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
     {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23)}
@@ -90,15 +96,15 @@ def grip_gaze(machine: str, part: Part, angle_rad: float) -> Gaze:
     joint = MACHINES[machine].joint(part)
     base_from_part = MACHINES[machine].map_from_base.inverse() @ MACHINES[machine].map_from_part(part, angle_rad)
     low_rad, high_rad = joint.range_rad
-    first_rad, last_rad = _PITCH_RAD[part]
+    first_rad, last_rad = (np.array(hand_rad) for hand_rad in _HAND_RAD[machine, part])
     share = (angle_rad - low_rad) / (high_rad - low_rad)
-    pitch_rad = first_rad + (last_rad - first_rad) * share
-    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine, part])), pitch_rad)
+    pitch_rad, yaw_rad = first_rad + (last_rad - first_rad) * share
+    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine, part])), pitch_rad, yaw_rad)
 
 
 def tray_gaze(machine: str) -> Gaze:
     """Return the gaze while the fingers hold the tray in a machine, in the machine's base frame."""
-    return _gaze_at_finger_tip(np.array(_TRAY_M[machine]), 0.95)
+    return _gaze_at_finger_tip(np.array(_TRAY_M[machine]), pitch_rad=0.95, yaw_rad=0.0)
 
 
 def stand_off(gaze: Gaze) -> Gaze:
@@ -113,12 +119,14 @@ def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
     return _gaze(*frame_from_machine.apply(np.array(gaze).reshape(2, 3)))
 
 
-def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float) -> Gaze:
-    """Return the gaze of a hand that comes from the machine's front, pointing down by a pitch, with its tip at a point.
+def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
+    """Return the gaze of a hand that comes from the machine's front with its tip at a point.
 
-    The camera stands behind and above the fingers.
+    It points down by a pitch, and from the machine's right to its left by a yaw. The camera stands behind and above
+    the fingers.
     """
-    forward = np.array([-cos(pitch_rad), 0.0, -sin(pitch_rad)])
+    ahead = cos(pitch_rad)
+    forward = np.array([-ahead * cos(yaw_rad), -ahead * sin(yaw_rad), -sin(pitch_rad)])
     axes = looking_at(np.zeros(3), forward).rotation
     eye_m = grip_m - axes @ np.array(FINGER_TIP_M)
     return _gaze(eye_m, eye_m + 0.5 * forward)

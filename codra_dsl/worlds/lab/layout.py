@@ -117,7 +117,7 @@ TILE_PER_TAG = 10 / 8
 """A tag is printed on a white tile of 10 cells, of which the black square takes 8."""
 
 _CENTRIFUGE_PANEL_RAD = 0.52
-_PCR_CYCLER_PANEL_RAD = 0.44
+_PCR_CYCLER_PANEL_RAD = 0.60
 """How far up the front panels look."""
 
 
@@ -201,7 +201,7 @@ def _pcr_cycler() -> Machine:
     return Machine(
         name="pcr_cycler",
         map_from_base=_on_table(3.4, 3.0, -pi / 2, 0.72),
-        joints=(_hinge(-0.16, 0.21, 1.35), _lever(_on_panel(panel, 0.0, -0.045, 0.015))),
+        joints=(_hinge(-0.16, 0.21, 1.15), _lever(_on_panel(panel, 0.0, -0.045, 0.015))),
         tags=tags,
     )
 

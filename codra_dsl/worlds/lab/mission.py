@@ -77,13 +77,26 @@ class Mission:
         codra: Context,
         clock: Clock,
         expect: Expect = Expect.ONE_AHEAD,
+        *,
+        wait_s: float = WAIT_S,
     ) -> None:
+        """Take command of a robot.
+
+        Args:
+            robot: its body.
+            eyes: what it looks with where context does not answer.
+            codra: the context, which may know nothing: then every decision looks, as in P1 without observers.
+            clock: what it waits on.
+            expect: whether it says beforehand what comes next.
+            wait_s: how long it waits for observers after an action; 0 where there are none.
+        """
         self.loops = 0
         self._robot = robot
         self._eyes = eyes
         self._codra = codra
         self._clock = clock
         self._expecting = expect
+        self._wait_s = wait_s
 
     def run_loop(self) -> None:
         """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
@@ -107,9 +120,25 @@ class Mission:
     def _visit(self, machine: str, work_inside: Callable[[], None]) -> None:
         """Drive to a machine, open it, do something inside, and leave it closed and locked."""
         self._drive_to(machine)
+        self.open_machine(machine)
+        work_inside()
+        self.close_machine(machine)
+
+    def open_machine(self, machine: str) -> None:
+        """Unlock and open a machine that stands in reach: four perception tasks, as in P1, section 4.2.
+
+        Before each action the robot finds out whether it is needed (situation preview), after it whether it came to
+        its goal (situation monitoring).
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+            OutOfReachError: if the machine stands too far.
+        """
         self._unlock(machine)
         self._open(machine)
-        work_inside()
+
+    def close_machine(self, machine: str) -> None:
+        """Close and lock a machine that stands in reach: four perception tasks again, and the same errors."""
         self._close(machine)
         self._lock(machine)
 
@@ -132,7 +161,6 @@ class Mission:
     def _open(self, machine: str) -> None:
         with self._codra.skill(f"open_{machine}") as skill:
             self._require(f"{machine}_in_manipulation_distance")
-            self._forbid(f"{machine}_locked")
             if not self._decide(f"{machine}_open"):
                 self._expect("turn_centrifuge_rotor" if machine == CENTRIFUGE else f"close_{machine}")
                 self._act(skill, lambda: self._robot.open_lid(machine), f"{machine}_open", goal=True)
@@ -188,7 +216,7 @@ class Mission:
         for _ in range(TRIES):
             with skill.acting():
                 action()
-            if self._decide(variable, since_s=self._clock.now_s(), wait_up_to_s=WAIT_S) == goal:
+            if self._decide(variable, since_s=self._clock.now_s(), wait_up_to_s=self._wait_s) == goal:
                 return
         raise MissionError(f"{variable} is not {str(goal).lower()} after {TRIES} tries")
 

@@ -23,10 +23,18 @@ ROOM_M = (6.6, 6.0)
 
 CAMERA_NAME = "arm_camera"
 
+PCR_CYCLER_HANDLE_M = (0.485, 0.210, -0.011)
+"""Where a hand takes the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags."""
+
+PCR_CYCLER_KNOB_M = (0.0, -0.025, 0.095)
+"""Where a hand takes the PCR-cycler's lever, in the lever's frame: the end of a stalk that stands out of it."""
+
 _TEXELS_PER_CELL = 20
 _TILE_THICKNESS_M = 0.004
 _SHOULDER_M = (0.05, 0.0, 0.85)
 _LINK_M = 0.65
+ARM_LENGTH_M = 2 * _LINK_M
+"""How far the robot's wrist gets from its shoulder."""
 
 _WHITE = "0.86 0.87 0.88 1"
 _GREY = "0.55 0.57 0.60 1"
@@ -273,14 +281,34 @@ def _moving_shape(machine: Machine, part: Part) -> str:
     if part is Part.ROTOR:
         return f'<geom type="cylinder" pos="0 0 -0.024" size="0.17 0.02" rgba="{_GREY}"/>'
     if part is Part.LATCH:
-        return _box((-0.012, -0.02, -0.012), (0.012, tag.part_from_tag.translation_m[1], -0.005), _DARK)
+        lever = _box((-0.012, -0.02, -0.012), (0.012, tag.part_from_tag.translation_m[1], -0.005), _DARK)
+        return lever if machine.name == "centrifuge" else lever + _knob()
     if machine.name == "centrifuge":
         handle = _box((0.49, -0.07, 0.055), (0.53, 0.07, 0.075), _DARK)
         return (
             _box((0.0, -0.225, 0.0), (0.455, 0.225, 0.125), _WHITE) + _board(tag, (0.15, 0.0), (0.225, 0.065)) + handle
         )
-    handle = _box((0.33, -0.05, 0.105), (0.37, 0.05, 0.12), _DARK)
-    return _box((0.0, -0.145, 0.0), (0.32, 0.145, 0.10), _WHITE) + _board(tag, (0.095, 0.0), (0.145, 0.05)) + handle
+    lid = _box((0.0, -0.145, 0.0), (0.32, 0.145, 0.10), _WHITE) + _board(tag, (0.095, 0.0), (0.145, 0.05))
+    return lid + _handle_beside_the_lid()
+
+
+def _handle_beside_the_lid() -> str:
+    """Return a bar that leads forward along the lid's right side, with a cross-bar at its end for the hand."""
+    x_m, y_m, z_m = PCR_CYCLER_HANDLE_M
+    low_m, high_m = z_m - 0.006, z_m + 0.006
+    return "".join(
+        (
+            _box((0.06, 0.145, low_m), (0.08, 0.172, high_m), _DARK),
+            _box((0.06, 0.172, low_m), (x_m + 0.006, 0.184, high_m), _DARK),
+            _box((x_m - 0.006, 0.184, low_m), (x_m + 0.006, y_m + 0.03, high_m), _DARK),
+        )
+    )
+
+
+def _knob() -> str:
+    """Return a stalk that stands out of the lever, for the hand."""
+    x_m, y_m, z_m = PCR_CYCLER_KNOB_M
+    return _box((x_m - 0.006, y_m - 0.006, -0.012), (x_m + 0.006, y_m + 0.006, z_m), _DARK)
 
 
 # The robot. Its bodies are "mocap" bodies: each is put where the state says. In the hand's frame x is right, y down and
@@ -321,7 +349,7 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
     robot_from_camera = state.robot_from_camera()
     map_from_camera = map_from_robot @ robot_from_camera
     hand = map_from_camera @ _shifted(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
-    wrist_m = robot_from_camera.apply(np.array([0.0, 0.08, -0.15]))
+    wrist_m = _wrist_m(state)
     elbow_m = _elbow_m(wrist_m)
     return {
         "robot_base": map_from_robot,
@@ -340,6 +368,16 @@ _BELOW_THE_FLOOR = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
 
 def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
     return Pose(np.eye(3), np.array([x_m, y_m, z_m]))
+
+
+def shoulder_to_wrist_m(state: LabState) -> float:
+    """Return how far the arm is stretched: more than `ARM_LENGTH_M` is out of reach."""
+    return float(np.linalg.norm(_wrist_m(state) - np.array(_SHOULDER_M)))
+
+
+def _wrist_m(state: LabState) -> Array:
+    """Return where the wrist is in the robot's base frame: behind and below the camera."""
+    return state.robot_from_camera().apply(np.array([0.0, 0.08, -0.15]))
 
 
 def _elbow_m(wrist_m: Array) -> Array:

@@ -104,7 +104,7 @@ def test_from_wherever_enough_markers_are_seen_the_lids_angle_is_right(lab: Labo
     random, errors_rad = Random(3), []
     for _ in range(60):
         machine = random.choice(sorted(MACHINES))
-        angle_rad = random.uniform(0.0, 1.35)
+        angle_rad = random.uniform(*MACHINES[machine].joint(Part.LID).range_rad)
         eye = (random.uniform(0.7, 1.4), random.uniform(-0.4, 0.4), random.uniform(0.45, 1.0))
         lab.stand(machine, (*eye, 0.1, random.uniform(-0.2, 0.2), 0.3))
         lab.turn(machine, Part.LID, angle_rad)

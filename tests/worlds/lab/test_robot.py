@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from math import pi
 from random import Random
 from statistics import fmean
@@ -17,7 +16,9 @@ from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
 from codra_dsl.worlds.lab.durations import DURATIONS, Phase, Spread
 from codra_dsl.worlds.lab.gaze import observation_gaze
 from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.perception import LOCALIZE_LID_S
 from codra_dsl.worlds.lab.robot import SLIP_SHARE, LostError, OutOfReachError, Robot, RotorPosition, Station
+from codra_dsl.worlds.lab.scene import ARM_LENGTH_M, shoulder_to_wrist_m
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.tags import detect
 from codra_dsl.worlds.lab.truth import GroundTruth, truth_at
@@ -25,8 +26,8 @@ from codra_dsl.worlds.lab.world import HOME, JointKey, LabWorld, Quantity
 from tests.worlds.lab.posed import SteadyHand, put, set_joint
 
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"
-LOOK_TAKES_S = 5.0
-"""What perception takes after the camera stands still, about."""
+LOOK_TAKES_S = LOCALIZE_LID_S
+"""What perception takes after the camera stands still."""
 
 
 class UnluckyHand(SteadyHand):
@@ -172,7 +173,7 @@ def test_a_look_takes_as_long_as_the_paper_says_and_ends_at_rest() -> None:
     there = lab_at(PCR_CYCLER)
     took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(2)]
 
-    assert all(16.0 < look_s + LOOK_TAKES_S < 20.0 for look_s in took_s)
+    assert all(18.0 < look_s + LOOK_TAKES_S < 19.0 for look_s in took_s)
     assert not there.world.moves_within(there.clock.now_s() - 1.0, there.clock.now_s() + 1.0)
 
 
@@ -305,6 +306,17 @@ def test_after_it_touched_the_compact_machine_the_arm_waits_where_it_shows_whole
     assert {view.tag_id for view in views if view.is_resolved()} >= {tag.tag_id for tag in MACHINES[PCR_CYCLER].tags}
 
 
+def test_no_gaze_is_farther_from_the_shoulder_than_the_arm_is_long() -> None:
+    for machine in MACHINES:
+        there = lab_at(machine)
+        robot = there.robot
+        for action in (robot.unlock, robot.open_lid, robot.take_samples, robot.bring_samples, robot.close_lid):
+            action(machine)
+        instants_s = np.arange(0.0, there.clock.now_s(), 0.5).tolist()
+
+        assert max(shoulder_to_wrist_m(there.world.state(t_s)) for t_s in instants_s) < ARM_LENGTH_M
+
+
 # Time
 
 
@@ -319,19 +331,6 @@ def test_every_phase_has_a_duration_that_varies_around_its_mean(phase: Phase) ->
 
 def test_no_duration_is_ever_much_shorter_than_its_mean() -> None:
     assert min(Spread(10.0, 50.0).draw(Random(seed)) for seed in range(100)) == 4.0
-
-
-def test_opening_and_closing_take_as_long_as_in_the_paper() -> None:
-    """P1, section 4.2, by arithmetic: 351 s with 73 s of perception to open, 282 s with 76 s to close."""
-    opening_s, closing_s = [], []
-    for seed in range(12):
-        there = lab_at(PCR_CYCLER, Random(seed))
-        robot = there.robot
-        opening_s.append(sum(there.seconds_of(partial(act, PCR_CYCLER)) for act in (robot.unlock, robot.open_lid)))
-        closing_s.append(sum(there.seconds_of(partial(act, PCR_CYCLER)) for act in (robot.close_lid, robot.lock)))
-
-    assert fmean(opening_s) == pytest.approx(351 - 73, rel=0.06)
-    assert fmean(closing_s) == pytest.approx(282 - 76, rel=0.06)
 
 
 def process_samples(there: Lab) -> None:
