@@ -97,7 +97,7 @@ def _check_names(names: Sequence[str]) -> None:
     if twice:
         raise ValueError(f"two trials have the name '{twice[0]}'")
     for name in names:
-        is_hidden = name.startswith(".") or not name.isprintable()
+        is_hidden = not name or name.startswith(".") or not name.isprintable()
         if is_hidden or Path(name).name != name or Path(name).suffix in (".json", ".error") or len(name.encode()) > 200:
             raise ValueError(f"the trial {name!r} has a name that cannot be that of a folder")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import multiprocessing
 import os
 import signal
@@ -36,6 +37,9 @@ _TOLD_ENOUGH = (
 """What says by itself what is wrong, and is no bug."""
 
 
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+
 class TrialError(Exception):
     """A trial failed.
 
@@ -63,12 +67,12 @@ class _Failure:
     """What a process says whose trial raised something.
 
     Attributes:
-        errno: of what the operating system refused; 0 for anything else.
+        error_number: of what the operating system refused; 0 for anything else.
         traceback: empty if the reason is enough.
     """
 
     reason: str
-    errno: int = 0
+    error_number: int = 0
     traceback: str = ""
 
 
@@ -165,8 +169,8 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
-    if failure.errno:
-        return OSError(failure.errno, os.strerror(failure.errno), str(record.folder))
+    if failure.error_number:
+        return OSError(failure.error_number, os.strerror(failure.error_number), str(record.folder))
     if not failure.traceback:
         return TrialError(record.trial, failure.reason, None)
     record.error_path.write_text(failure.traceback, encoding="utf-8")
@@ -198,17 +202,19 @@ def _made(record: TrialRecord, staging: Path) -> _Told:
     except _TOLD_ENOUGH as error:
         return _Failure(reason=str(error))
     except OSError as error:
-        if error.errno and _is_within(error.filename, record.folder):
-            return _Failure(reason=str(error), errno=error.errno)
-        return _unexpected(error)
+        if error.errno is None or not _is_ours(error, record.folder):
+            return _unexpected(error)
+        return _Failure(reason=str(error), error_number=error.errno)
     except Exception as error:  # noqa: BLE001  it is told by who began this process
         return _unexpected(error)
     return _Done.DONE
 
 
-def _is_within(name: object, folder: Path) -> bool:
-    """Return whether an error is about a file below a folder, or, as when a disk is full, does not say of which."""
-    return name is None or (isinstance(name, str | bytes) and Path(os.fsdecode(name)).is_relative_to(folder))
+def _is_ours(error: OSError, folder: Path) -> bool:
+    """Return whether an error is about keeping what came of a trial; that a disk is full is about no file by name."""
+    if error.filename is None:
+        return error.errno in _FULL
+    return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
 
 
 def _unexpected(error: Exception) -> _Failure:
