@@ -105,6 +105,31 @@ class Repository:
         """Return whether there is a file or folder in a commit."""
         return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
 
+    def changed(self, but: Path) -> Sequence[PurePosixPath]:
+        """Return what in the working folder differs from what is checked out, or is new there and not ignored.
+
+        Args:
+            but: a folder that does not count.
+
+        Raises:
+            RevisionError: if git cannot tell.
+        """
+        asked = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
+        done = _run((*self._without_filters(), "status", *asked), self.top)
+        if done.returncode != 0:
+            raise RevisionError(f"git cannot tell what was changed in '{self.top}'")
+        found = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
+        return [path for path in found if not (self.top / path).is_relative_to(but)]
+
+    def _without_filters(self) -> Iterator[str]:
+        """Yield settings by which no filter that the repository configures is run."""
+        done = _run(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
+        for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
+            if name.endswith((".clean", ".process")):
+                yield from ("-c", f"{name}=")
+            elif name.endswith(".required"):
+                yield from ("-c", f"{name}=false")
+
     def extract(self, commit: str, below: PurePosixPath, into: Path) -> dict[PurePosixPath, str]:
         """Write the spec files of a revision into a folder, under their paths in the repository.
 

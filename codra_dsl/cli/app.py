@@ -18,6 +18,7 @@ from codra_dsl import __version__
 from codra_dsl.cli.compile import compile_command
 from codra_dsl.cli.console import ExitCode, say
 from codra_dsl.cli.diff import diff_command
+from codra_dsl.cli.experiment import experiment_command
 from codra_dsl.cli.explain import explain_command
 from codra_dsl.cli.graph import graph_command
 from codra_dsl.cli.init import init_command
@@ -42,6 +43,7 @@ app.command("lint")(lint_command)
 app.command("explain")(explain_command)
 app.command("graph")(graph_command)
 app.command("run")(run_command)
+app.command("experiment")(experiment_command)
 app.command("diff")(diff_command)
 app.command("init")(init_command)
 app.command("shadow")(shadow_command)

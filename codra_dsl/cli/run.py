@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import tempfile
 from collections.abc import Callable, Mapping
@@ -12,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import Colour, ExitCode, Format, View, common_root, counted, existing, say, write_result
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
+from codra_dsl.cli.lab import lab_spec, made_folder
 from codra_dsl.cli.options import ColourOption
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def run_command(
     duration_s = None if for_ is None else _duration_s(for_)
     (spec,) = existing([spec])
     root = common_root([spec])
-    loaded = _load(spec, root, color)
+    loaded = lab_spec(spec, root, color)
     settings = lab.LabSettings(
         seed=seed,
         duration_s=duration_s,
@@ -97,7 +97,7 @@ def run_command(
     )
     if journal is not None and naive:
         _writable(lab.beside(journal, NAIVE.name))
-    folder = _made(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
+    folder = made_folder(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
     _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
 
@@ -121,26 +121,6 @@ def _run(spec: Spec, world: World, settings: LabSettings, naive: bool) -> LabRun
             raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _load(path: Path, root: Path, color: Colour) -> Spec:
-    """Return a spec without errors that has what the lab needs; show what is to be found about it."""
-    from codra_dsl.compiler import plan_paths
-    from codra_dsl.experiments.spec_run import lacks
-
-    planned = plan_paths([path], root)
-    if planned.diagnostics:
-        write_result(View(root=root, format=Format.FULL, colour=color).rendered(planned.diagnostics, sys.stdout))
-        say(counted(planned.diagnostics))
-    if len(planned.plans) > 1:
-        raise typer.BadParameter(f"'{path}' holds {len(planned.plans)} specs: name one", param_hint="SPEC")
-    if not planned.plans:
-        raise typer.Exit(ExitCode.FAILED)
-    spec = planned.plans[0].checked.spec
-    if missing := lacks(spec):
-        say("\n  ".join((f"codra: '{spec.name}' does not run in the lab, whose main execution needs:", *missing)))
-        raise typer.Exit(ExitCode.FAILED)
-    return spec
-
-
 def _duration_s(text: str) -> float:
     from codra_dsl.units import parse_duration
 
@@ -148,17 +128,6 @@ def _duration_s(text: str) -> float:
     if not isinstance(duration_s, float) or not 0 < duration_s < float("inf"):
         raise typer.BadParameter(f"'{text}' is no duration such as '90 s' or '10 min'", param_hint="--for")
     return duration_s
-
-
-def _made(folder: Path) -> Path:
-    """Return the folder for what a run writes, made before the run lest it be in vain."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise typer.BadParameter(f"cannot write to '{folder}': {error.strerror}", param_hint="--out") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise typer.BadParameter(f"cannot write to '{folder}'", param_hint="--out")
-    return folder
 
 
 def _writable(journal: Path) -> Path:

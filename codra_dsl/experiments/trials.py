@@ -83,8 +83,8 @@ def store_frame(frame: Frame, path: Path) -> None:
         OSError: if that is not possible.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR)):
-        raise OSError(f"cannot write {path}")
+    _, data = cv2.imencode(".png", cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
+    path.write_bytes(data)
 
 
 # Which frames are kept

@@ -1,0 +1,252 @@
+"""`codra experiment`: many runs in the laboratory, and a report of what they come to."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
+from codra_dsl.cli.lab import lab_spec, made_folder
+from codra_dsl.cli.options import ColourOption
+
+if TYPE_CHECKING:
+    from codra_dsl.experiments.campaign import Progress
+    from codra_dsl.experiments.experiment import Experiment, Settings
+    from codra_dsl.experiments.outcomes import Outcome
+    from codra_dsl.experiments.trials import Trial
+    from codra_dsl.experiments.workers import TrialError
+
+Name = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="NAME",
+        help="Which; 'module:CONSTANT' for one of your own. Without it, all are listed.",
+        show_default=False,
+    ),
+]
+SpecOption = Annotated[Path, typer.Option("--spec", metavar="FILE", help="The spec under test.")]
+Seeds = Annotated[
+    int | None,
+    typer.Option(
+        "--seeds",
+        min=0,
+        help="How many further seeds intervals are drawn from.  [default: the experiment's own]",
+        show_default=False,
+    ),
+]
+Processes = Annotated[
+    int | None,
+    typer.Option("--processes", min=1, help="How many trials run at once.  [default: one a core]", show_default=False),
+]
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Where it all goes.  [default: runs/NAME]", show_default=False),
+]
+OneTrial = Annotated[
+    str | None,
+    typer.Option("--trial", metavar="TRIAL", help="Run this trial alone, and judge nothing.", show_default=False),
+]
+
+
+@dataclass(slots=True)
+class _Reached:
+    """How far the trials are, for whoever asks when they end early."""
+
+    progress: Progress | None = None
+    before_s: float = field(default_factory=time.perf_counter)  # noqa: TID251  it is only shown
+
+    def told(self) -> str:
+        """Return what is kept, and what goes on with it."""
+        kept = "" if self.progress is None else f"{self.progress.done} of {self.progress.total} trials are kept: "
+        return f"{kept}the same command goes on from there"
+
+    def elapsed_s(self) -> float:
+        """Return for how long this has been going on."""
+        return time.perf_counter() - self.before_s  # noqa: TID251  it is only shown
+
+
+def experiment_command(
+    name: Name = None,
+    *,
+    spec: SpecOption = Path("specs/lab.yaml"),
+    seeds: Seeds = None,
+    processes: Processes = None,
+    out: Out = None,
+    trial: OneTrial = None,
+    color: ColourOption = Colour.AUTO,
+) -> None:
+    """Run an experiment and report what was found. A run that was stopped goes on where it was."""
+    try:
+        from codra_dsl.experiments.experiment import Settings
+        from codra_dsl.experiments.provenance import versions
+        from codra_dsl.experiments.registry import experiments
+
+        versions()
+    except ModuleNotFoundError as error:  # also of importlib.metadata
+        say(f"codra: 'experiment' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
+        raise typer.Exit(ExitCode.FAILED) from error
+
+    if name is None:
+        write_result(_listed(experiments()))
+        return
+    if ":" not in name and name not in experiments():
+        _refuse_name(name, experiments())
+    (spec,) = existing([spec])
+    root = common_root([spec])
+    sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
+    found = _experiment(name)
+    lab_spec(spec, root, color)
+    folder = made_folder(out if out is not None else Path("runs") / found.name)
+    settings = Settings(spec=spec, seeds=found.seeds if seeds is None else seeds, folder=folder)
+    if trial is None:
+        _report(found, settings, root, processes)
+    else:
+        _run_alone(_named(trial, found.trials(settings)), settings)
+
+
+def _listed(known: Mapping[str, Experiment]) -> str:
+    width = max(map(len, known), default=0)
+    return "".join(f"{name.ljust(width)}  {each.question}\n" for name, each in known.items())
+
+
+def _refuse_name(name: str, known: Mapping[str, Experiment]) -> NoReturn:
+    from codra_dsl.diagnostics import suggest
+
+    near = suggest(name, known)
+    way_out = f"did you mean '{near}'?" if near else f"known are {', '.join(known)}" if known else "none is known"
+    raise typer.BadParameter(f"there is no experiment '{name}': {way_out}", param_hint="NAME")
+
+
+def _experiment(name: str) -> Experiment:
+    from codra_dsl.experiments.registry import NoExperimentError, experiment_in, experiments
+
+    if ":" not in name:
+        return experiments()[name]
+    try:
+        return experiment_in(name)
+    except NoExperimentError as error:
+        raise typer.BadParameter(str(error), param_hint="NAME") from error
+
+
+def _named(name: str, trials: Sequence[Trial]) -> Trial:
+    from codra_dsl.diagnostics import suggest
+
+    by_name = {trial.name: trial for trial in trials}
+    if name not in by_name:
+        near = suggest(name, by_name)
+        way_out = f"did you mean '{near}'?" if near else f"there are {len(by_name)}, such as '{next(iter(by_name))}'"
+        raise typer.BadParameter(f"there is no trial '{name}': {way_out}", param_hint="--trial")
+    return by_name[name]
+
+
+def _run_alone(trial: Trial, settings: Settings) -> None:
+    outcome = _outcomes([trial], settings.folder, 1, _Reached())[trial.name]
+    ended = f", ended by: {outcome.error}" if outcome.error else ""
+    write_result(
+        f"trial '{trial.name}' (seed {trial.seed}): {outcome.duration_s:.1f} s, {outcome.loops} loops{ended}\n"
+    )
+
+
+def _report(experiment: Experiment, settings: Settings, root: Path, processes: int | None) -> None:
+    """Run what has not been run, judge it all, and write what was found."""
+    from codra_dsl.experiments.campaign import cores
+    from codra_dsl.experiments.provenance import Provenance, revision_of, versions
+    from codra_dsl.experiments.records import code_digest
+    from codra_dsl.experiments.results import write_results
+
+    revision = revision_of(root, settings.folder)
+    trials = experiment.trials(settings)
+    reached = _Reached()
+    used = processes or cores()
+    outcomes = _outcomes(trials, settings.folder, used, reached)
+    provenance = Provenance(
+        command=shlex.join(("codra", *sys.argv[1:])),
+        spec=settings.spec.absolute().relative_to(root).as_posix(),
+        versions=versions(),
+        code=code_digest(),
+        revision=revision,
+        seeds=sorted({trial.seed for trial in trials}),
+        cores=cores(),
+        processes=used,
+        elapsed_s=reached.elapsed_s(),
+        found=reached.progress.found if reached.progress else 0,
+    )
+    with _told(settings.folder, reached):
+        document = experiment.judge(settings, outcomes)
+        paths = write_results(settings.folder, experiment, document, outcomes, provenance)
+    write_result("".join(f"{sentence}\n" for sentence in document.summary))
+    say("\n".join(path.as_posix() for path in paths))
+
+
+def _outcomes(trials: Sequence[Trial], folder: Path, processes: int, reached: _Reached) -> Mapping[str, Outcome]:
+    from codra_dsl.experiments.campaign import run_campaign
+
+    with _told(folder, reached), _shown(reached) as show:
+        return run_campaign(trials, folder, processes=processes, progress=show)
+
+
+@contextmanager
+def _told(folder: Path, reached: _Reached) -> Iterator[None]:
+    """End the command with a line where trials, or writing what came of them, end early."""
+    from codra_dsl.experiments.campaign import CampaignBusyError
+    from codra_dsl.experiments.spec_run import SpecError
+    from codra_dsl.experiments.workers import TrialError
+
+    code = ExitCode.FAILED
+    try:
+        yield
+        return
+    except KeyboardInterrupt:
+        code, told = ExitCode.INTERRUPTED, f"interrupted; {reached.told()}"
+    except TrialError as error:
+        told = f"{error}{_ways_out(error)}"
+    except (CampaignBusyError, SpecError) as error:
+        told = str(error)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        told = f"cannot write to '{folder}': {error.strerror or error}; {reached.told()}"
+    say(f"codra: {told}")
+    raise typer.Exit(code)
+
+
+def _ways_out(error: TrialError) -> str:
+    details = f"; the whole of it stands in '{error.details}'" if error.details else ""
+    command = ["codra", *sys.argv[1:]]
+    alone = command if "--trial" in command else [*command, "--trial", error.trial.name]
+    return f"{details}; to run it alone: {shlex.join(alone)}"
+
+
+@contextmanager
+def _shown(reached: _Reached) -> Iterator[Callable[[Progress], None]]:
+    """Yield what is told of progress: it shows that on a terminal, and nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("trials{task.fields[note]}"), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, disable=not sys.stderr.isatty(), transient=True) as bar:
+        task = bar.add_task("", total=None, note="")
+
+        def show(progress: Progress) -> None:
+            reached.progress = progress
+            note = _note(progress, reached.elapsed_s())
+            bar.update(task, total=progress.total, completed=progress.done, note=note)
+
+        yield show
+
+
+def _note(progress: Progress, elapsed_s: float) -> str:
+    """Return what is to be said of progress: how many trials there were before, and how long it may take yet."""
+    before = f", {progress.found} there before" if progress.found else ""
+    fresh, left = progress.done - progress.found, progress.total - progress.done
+    return f"{before}, about {elapsed_s / fresh * left / 60.0:.0f} min left" if fresh and left else before

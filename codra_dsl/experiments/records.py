@@ -1,0 +1,148 @@
+"""The place where what came of a trial is kept, and how it is known what it was made from."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from hashlib import sha256
+from importlib import metadata
+from pathlib import Path
+
+import codra_dsl
+from codra_dsl.compiler import plan_paths
+from codra_dsl.diagnostics import has_errors
+from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.spec_run import SpecError
+from codra_dsl.experiments.trials import Trial, run_trial
+from codra_dsl.project import root_of
+
+_LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-python", "py_trees"})
+"""What a frame and what is seen in it are computed with."""
+
+
+class ChangedMeanwhileError(Exception):
+    """What a trial is made from is not what it was when the trial began."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRecord:
+    """What is kept of a trial: `NAME.json`, and the frames in the folder `NAME`.
+
+    The first line of the file tells what the trial was made from and what the rest of the file should be, as digests.
+
+    Attributes:
+        folder: in which it is kept.
+        digest: of all that the trial is made from.
+    """
+
+    trial: Trial
+    folder: Path
+    digest: str
+
+    @property
+    def path(self) -> Path:
+        """Return the file."""
+        return self.folder / f"{self.trial.name}.json"
+
+    @property
+    def error_path(self) -> Path:
+        """Return the file that tells how the trial failed, if it did."""
+        return self.folder / f"{self.trial.name}.error"
+
+    @property
+    def frames(self) -> Path:
+        """Return the folder of the frames."""
+        return self.folder / self.trial.name
+
+    def read(self) -> Outcome | None:
+        """Return what is kept; None if there is nothing, it is damaged, or was made from something else."""
+        try:
+            head, _, text = self.path.read_text(encoding="utf-8").partition("\n")
+            if head != self._head(text):
+                return None
+            outcome = Outcome.from_json(text)
+        except (OSError, ValueError, TypeError, LookupError, AttributeError):
+            return None
+        return outcome if all((self.frames / name).is_file() for name in _frames_of(outcome)) else None
+
+    def make(self, staging: Path) -> None:
+        """Run the trial and keep what came of it, all or nothing.
+
+        Args:
+            staging: an empty folder of this run alone, on the same disk.
+
+        Raises:
+            ChangedMeanwhileError: if it is not known what it was made from.
+        """
+        text = run_trial(self.trial, staging / "frames").to_json()
+        if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
+            raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
+        (staging / "record").write_text(f"{self._head(text)}\n{text}", encoding="utf-8")
+        self.path.unlink(missing_ok=True)
+        shutil.rmtree(self.frames, ignore_errors=True)
+        if (staging / "frames").exists():
+            (staging / "frames").replace(self.frames)
+        (staging / "record").replace(self.path)
+        self.error_path.unlink(missing_ok=True)
+
+    def _head(self, text: str) -> str:
+        return f"{self.digest} {sha256(text.encode()).hexdigest()}"
+
+
+def _frames_of(outcome: Outcome) -> Iterator[str]:
+    for decision in outcome.decisions:
+        yield from (basis.frame for basis in decision.wrong.values() if basis.frame)
+    yield from (kept.file for kept in outcome.kept)
+
+
+def records_of(trials: Sequence[Trial], folder: Path) -> Sequence[TrialRecord]:
+    """Return where trials are kept.
+
+    Raises:
+        ValueError: if something in a trial is told by its address alone, such as a function.
+        SpecError: if a spec has errors.
+    """
+    specs = {spec: _spec_digest(spec) for spec in {trial.spec for trial in trials}}
+    return [TrialRecord(trial=each, folder=folder, digest=_digest_of_trial(each, specs[each.spec])) for each in trials]
+
+
+def _digest_of_trial(trial: Trial, spec_digest: str) -> str:
+    told = repr(replace(trial, spec=Path(trial.spec.name)))
+    if " at 0x" in told:
+        raise ValueError(f"the trial '{trial.name}' is told by addresses, which mean nothing in another run: {told}")
+    return sha256("\n".join((told, spec_digest, code_digest(), _libraries())).encode()).hexdigest()
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of all code of codra, which an outcome could depend on."""
+    package = Path(codra_dsl.__file__).parent
+    files = (path for path in package.rglob("*") if path.suffix in (".py", ".j2", ".json") and path.is_file())
+    return _digest_of(package, sorted(files))
+
+
+def _spec_digest(spec: Path) -> str:
+    """Return a digest of a spec's file, of what it includes, and of the project's modules that it calls."""
+    root = root_of(spec)
+    planned = plan_paths([spec.absolute()], root)
+    if has_errors(planned.diagnostics):
+        raise SpecError(", ".join(found.message for found in planned.diagnostics))
+    return _digest_of(root, [root / name for name in (*planned.files, *planned.modules)])
+
+
+def _digest_of(root: Path, files: list[Path]) -> str:
+    digest = sha256()
+    for path in files:
+        digest.update(f"{path.relative_to(root).as_posix()}\0".encode())
+        digest.update(sha256(path.read_bytes() if path.is_file() else b"").digest())
+    return digest.hexdigest()
+
+
+@cache
+def _libraries() -> str:
+    """Return the versions of what frames and perception are made with."""
+    there = {each.name: each.version for each in metadata.distributions() if each.name in _LIBRARIES}
+    return f"{platform.python_version()} {sorted(there.items())}"

@@ -1,0 +1,234 @@
+"""Trials side by side, each in a fresh process: what one leaves behind touches no other, and none outlives us."""
+
+from __future__ import annotations
+
+import errno
+import multiprocessing
+import os
+import signal
+import tempfile
+import threading
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
+from multiprocessing import connection, resource_tracker
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+
+import codra_dsl
+from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.records import ChangedMeanwhileError, TrialRecord
+from codra_dsl.experiments.spec_run import SpecError
+from codra_dsl.experiments.trials import Trial
+from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
+from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
+
+_SPAWN = multiprocessing.get_context("spawn")
+_TOLD_ENOUGH = (
+    ChangedMeanwhileError,
+    GraphicsUnavailableError,
+    SpecError,
+    CallError,
+    NotDeclaredError,
+    UnknownNameError,
+)
+"""What says by itself what is wrong, and is no bug."""
+
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+
+class TrialError(Exception):
+    """A trial failed.
+
+    Attributes:
+        trial: which one.
+        reason: in a line.
+        details: the file that tells more; None if there is no more to tell.
+    """
+
+    def __init__(self, trial: Trial, reason: str, details: Path | None) -> None:
+        super().__init__(f"trial '{trial.name}' (seed {trial.seed}): {reason}")
+        self.trial = trial
+        self.reason = reason
+        self.details = details
+
+
+class _Done(Enum):
+    """What a process says that has kept what came of its trial."""
+
+    DONE = "done"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Failure:
+    """What a process says whose trial raised something.
+
+    Attributes:
+        error_number: of what the operating system refused; 0 for anything else.
+        traceback: empty if the reason is enough.
+    """
+
+    reason: str
+    error_number: int = 0
+    traceback: str = ""
+
+
+_Told = _Done | _Failure
+
+
+@dataclass(frozen=True, slots=True)
+class _Worker:
+    """A process that runs a trial."""
+
+    record: TrialRecord
+    process: SpawnProcess
+    told: connection.Connection
+
+    def outcome(self) -> Outcome:
+        """Return what came of the trial, once the process has said something or ended.
+
+        Raises:
+            TrialError: if nothing came of it.
+            OSError: if that is what the operating system refused.
+        """
+        try:
+            told = self.told.recv()
+        except EOFError:
+            self.process.join()
+            raise TrialError(self.record.trial, _end_of(self.process.exitcode or 0), None) from None
+        self.process.join()
+        if isinstance(told, _Failure):
+            raise _error_of(self.record, told)
+        outcome = self.record.read()
+        if outcome is None:
+            raise TrialError(self.record.trial, f"its record '{self.record.path}' was changed meanwhile", None)
+        return outcome
+
+    def end(self) -> None:
+        """End the process, whatever it does, and give back what it held."""
+        self.process.kill()
+        self.process.join()
+        self.process.close()
+        self.told.close()
+
+
+def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[Outcome]:
+    """Run trials, so many at once, in the order given; yield what came of each when it is done.
+
+    Args:
+        records: of the trials.
+        staging: an empty folder for what is made on the way, on the disk of the records.
+        processes: how many run at once.
+
+    Raises:
+        TrialError: if a trial fails; the others are given up.
+        OSError: if something cannot be written.
+    """
+    waiting = list(reversed(records))
+    running: dict[connection.Connection, _Worker] = {}
+    resource_tracker.ensure_running()  # later it would let interrupts through again as it starts
+    try:
+        while waiting or running:
+            with _interrupts_held_back():  # also until it is known whom to end
+                while waiting and len(running) < processes:
+                    worker = _started(waiting.pop(), staging / str(len(waiting)))
+                    running[worker.told] = worker
+            for told in connection.wait(list(running)):
+                assert isinstance(told, connection.Connection)
+                outcome = running[told].outcome()
+                running.pop(told).end()
+                yield outcome
+    finally:
+        for worker in running.values():
+            worker.end()
+
+
+def _started(record: TrialRecord, staging: Path) -> _Worker:
+    staging.mkdir()
+    ours, theirs = _SPAWN.Pipe(duplex=False)
+    process = _SPAWN.Process(target=_work, args=(record, staging, theirs))
+    process.start()
+    theirs.close()
+    return _Worker(record, process, ours)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Let Ctrl-C at a terminal, which goes to all processes, reach those that begin here never, and us a little later.
+
+    A process inherits which signals it holds back.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
+    if failure.error_number:
+        return OSError(failure.error_number, os.strerror(failure.error_number), str(record.folder))
+    if not failure.traceback:
+        return TrialError(record.trial, failure.reason, None)
+    record.error_path.write_text(failure.traceback, encoding="utf-8")
+    return TrialError(record.trial, failure.reason, record.error_path)
+
+
+def _end_of(code: int) -> str:
+    if code >= 0:
+        return f"its process ended by itself with exit code {code}"
+    hint = ": perhaps there was too little memory" if -code == signal.SIGKILL else ""
+    return f"its process was ended by {signal.Signals(-code).name}{hint}"
+
+
+# In the process of a trial
+
+
+def _work(record: TrialRecord, staging: Path, told: connection.Connection) -> None:
+    """Run a trial and say what became of it."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    os.environ.setdefault("LP_NUM_THREADS", "1")  # more threads of the renderer only take the cores from each other
+    tempfile.tempdir = str(staging)
+    told.send(_made(record, staging))
+    told.close()
+
+
+def _made(record: TrialRecord, staging: Path) -> _Told:
+    try:
+        record.make(staging)
+    except _TOLD_ENOUGH as error:
+        return _Failure(reason=str(error))
+    except OSError as error:
+        if error.errno is None or not _is_ours(error, record.folder):
+            return _unexpected(error)
+        return _Failure(reason=str(error), error_number=error.errno)
+    except Exception as error:  # noqa: BLE001  it is told by who began this process
+        return _unexpected(error)
+    return _Done.DONE
+
+
+def _is_ours(error: OSError, folder: Path) -> bool:
+    """Return whether an error is about keeping what came of a trial; that a disk is full is about no file by name."""
+    if error.filename is None:
+        return error.errno in _FULL
+    return isinstance(error.filename, str) and Path(error.filename).is_relative_to(folder)
+
+
+def _unexpected(error: Exception) -> _Failure:
+    frames = traceback.extract_tb(error.__traceback__)
+    package = Path(codra_dsl.__file__).parents[1]
+    path = Path(frames[-1].filename)
+    place = path.relative_to(package) if path.is_relative_to(package) else path
+    reason = f"{type(error).__name__}: {error} ({place.as_posix()}:{frames[-1].lineno})"
+    return _Failure(reason=" ".join(reason.split()), traceback="".join(traceback.format_exception(error)))
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that began it is no more, however that ended."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGKILL)
