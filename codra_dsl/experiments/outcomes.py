@@ -74,18 +74,34 @@ class KeptFrame:
     believed_map_from_camera: tuple[Sequence[Sequence[float]], Sequence[float]]
 
 
+@dataclass(frozen=True, slots=True)
+class WrongSpan:
+    """A span of time in which an arm held what was not true.
+
+    Attributes:
+        was_true: whether it was true at the instant of its evidence: if so, it has changed since; if not, it was seen
+            wrongly.
+    """
+
+    start_s: float
+    end_s: float
+    was_true: bool
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOutcome:
     """What one arm held and did in a trial.
 
     Attributes:
         held: by variable.
+        wrong: when a held value was not true, by variable.
         first_s: when an observer first identified each variable; None if never.
         triggers: how many jobs of each algorithm were started.
         slot_s: for how long its observers held slots.
     """
 
     held: Mapping[str, Sequence[Piece]]
+    wrong: Mapping[str, Sequence[WrongSpan]]
     first_s: Mapping[str, float | None]
     triggers: Mapping[str, int]
     slot_s: float
@@ -124,10 +140,7 @@ class Outcome:
     def from_json(cls, text: str) -> Outcome:
         """Return what `to_json` wrote."""
         told = json.loads(text)
-        arms = {
-            name: ArmOutcome(**{**arm, "held": {each: _pieces(found) for each, found in arm["held"].items()}})
-            for name, arm in told["arms"].items()
-        }
+        arms = {name: _arm(arm) for name, arm in told["arms"].items()}
         decisions = [
             Decision(**{**each, "wrong": {arm: Basis(**basis) for arm, basis in each["wrong"].items()}})
             for each in told["decisions"]
@@ -137,6 +150,12 @@ class Outcome:
         told["skills"] = [tuple(each) for each in told["skills"]]
         told["kept"] = [KeptFrame(**each) for each in told["kept"]]
         return cls(**told)
+
+
+def _arm(told: Mapping[str, Any]) -> ArmOutcome:
+    held = {name: _pieces(found) for name, found in told["held"].items()}
+    wrong = {name: tuple(WrongSpan(**each) for each in found) for name, found in told["wrong"].items()}
+    return ArmOutcome(**{**told, "held": held, "wrong": wrong})
 
 
 def _pieces(told: Sequence[Mapping[str, Any]]) -> tuple[Piece, ...]:

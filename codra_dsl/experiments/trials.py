@@ -13,12 +13,12 @@ import cv2
 from codra_dsl.experiments.arms import Arm, observers
 from codra_dsl.experiments.audience import Asked
 from codra_dsl.experiments.lab import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
-from codra_dsl.experiments.outcomes import ArmOutcome, Basis, Decision, KeptFrame, Outcome
-from codra_dsl.experiments.scoring import Piece
+from codra_dsl.experiments.outcomes import ArmOutcome, Basis, Decision, KeptFrame, Outcome, WrongSpan
+from codra_dsl.experiments.scoring import Piece, overlaps
 from codra_dsl.experiments.spec_run import loaded
-from codra_dsl.runtime import Reading
+from codra_dsl.runtime import Reading, Record
 from codra_dsl.runtime.conditions import Value
-from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.worlds.lab.frame import Frame
 
 
@@ -136,20 +136,51 @@ def _outcome(trial: Trial, run: LabRun) -> Outcome:
         frames=run.frames,
         perceived=run.perceived,
         truth=run.truth,
-        arms={arm.name: _arm_outcome(arm) for arm in run.arms},
+        arms={arm.name: _arm_outcome(arm, run.truth) for arm in run.arms},
         decisions=_decisions(run),
         skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
         kept=list(_kept(run, trial.frames_kept)),
     )
 
 
-def _arm_outcome(arm: ArmRun) -> ArmOutcome:
+def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcome:
     return ArmOutcome(
         held=arm.held,
+        wrong=wrong_spans(arm.record, truth),
         first_s={score.name: score.first_s for score in arm.scores},
         triggers=arm.jobs,
         slot_s=sum(spent.slot_s for spent in arm.spent.values()),
     )
+
+
+def wrong_spans(record: Record, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:
+    """Return when held values were not true, by variable, with whether they were when their evidence was taken.
+
+    Args:
+        record: what a context manager identified and forgot.
+        truth: by variable, from 0 s to the end of the run.
+    """
+    found: dict[str, list[Event]] = {name: [] for name in truth}
+    for event in record.of(Kind.VARIABLE):
+        if event.details.get("present") and event.name in found:
+            found[event.name].append(event)
+    return {name: _wrong(events, truth[name]) for name, events in found.items()}
+
+
+def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> Sequence[WrongSpan]:
+    spans: list[WrongSpan] = []
+    ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
+    for event, end_s in zip(events, ends, strict=False):  # no event at all leaves one end
+        value = event.details["value"]
+        held = Piece(event.instant_s, end_s, value)
+        for _, fact, duration_s in overlaps([held], truth):
+            if value is None or fact.value == value or duration_s == 0.0:
+                continue
+            start_s, was_true = max(held.start_s, fact.start_s), value_at(truth, event.details["evidence_s"]) == value
+            if spans and spans[-1].end_s == start_s and spans[-1].was_true == was_true:
+                start_s = spans.pop().start_s
+            spans.append(WrongSpan(start_s, min(held.end_s, fact.end_s), was_true))
+    return spans
 
 
 def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:

@@ -1,0 +1,51 @@
+"""How numbers are written in the tables and sentences of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from codra_dsl.experiments.document import Cell, Table
+from codra_dsl.experiments.statistics import Estimate, Share, ratio_of_sums
+
+
+def rounded(value: float | None, digits: int) -> float | None:
+    """Return a number as it is shown; None stays None."""
+    return None if value is None else round(value, digits)
+
+
+def ratio(share: Share) -> float | None:
+    """Return a ratio as P1 writes it, with three digits."""
+    return rounded(ratio_of_sums([share]), 3)
+
+
+def interval(found: Estimate, digits: int = 3) -> str:
+    """Return an estimate in words: the value and the ends of its interval."""
+    if found.value is None:
+        return "none"
+    if found.low is None or found.high is None:
+        return f"{found.value:+.{digits}f}, no interval"
+    return f"{found.value:+.{digits}f} [{found.low:+.{digits}f}, {found.high:+.{digits}f}]"
+
+
+def percent(found: Estimate) -> str:
+    """Return an estimate of a share as percentages."""
+    if found.value is None:
+        return "none"
+    ends = "" if found.low is None or found.high is None else f" [{100 * found.low:.1f}, {100 * found.high:.1f}]"
+    return f"{100 * found.value:.1f}{ends}"
+
+
+def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:
+    """Return a table without marks."""
+    return Table(caption=caption, header=tuple(header), rows=tuple(tuple(row) for row in rows))
+
+
+def marked_below(table: Table, limit: float, rows: Iterable[int]) -> Table:
+    """Return a table with the numbers of some rows marked that lie below a limit."""
+    low = frozenset(
+        (row, column)
+        for row in rows
+        for column, cell in enumerate(table.rows[row])
+        if isinstance(cell, float) and cell < limit
+    )
+    return Table(caption=table.caption, header=table.header, rows=table.rows, marked=table.marked | low)
