@@ -10,7 +10,6 @@ from typing import Any
 from codra_dsl.experiments.scoring import Piece
 from codra_dsl.runtime.conditions import Value
 
-
 OWN_LOOK = "own look"
 """What took evidence that no arm took: the main execution itself."""
 
