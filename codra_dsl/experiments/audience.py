@@ -18,6 +18,8 @@ Manager = ContextManager[Any, Any]
 class Asked:
     """A decision of the main execution (P1, Figure 7: the rings).
 
+    It takes from `instant_s` to `answered_s`: to ask, to wait for observers, and to look if context has no answer.
+
     Attributes:
         instant_s: when the main execution needed the variable.
         skill: the skill under way.
@@ -25,7 +27,10 @@ class Asked:
         held: what each arm held at that instant, by arm.
         answer: what it was decided on.
         answered_s: when.
+        waited_s: how long it waited for the arm that answers.
         looked_s: how long the robot looked by itself; 0 if context answered.
+        last: what that arm held when it answered, or when the robot began to look instead; None if no arm answers.
+        has_looked: whether the robot looked by itself.
     """
 
     instant_s: float
@@ -35,7 +40,10 @@ class Asked:
     held: Mapping[str, Reading[Any]]
     answer: Value | None
     answered_s: float
+    waited_s: float
     looked_s: float
+    last: Reading[Any] | None
+    has_looked: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,20 +121,20 @@ class Audience:
     ) -> Any:
         """Let the answering arm decide, or look; note what every arm held when it was asked."""
         asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
-        looked_s = 0.0
+        self._clock.sleep(0.0 if self._answering is None else self._decision_s)
+        waits_from_s = self._clock.now_s()
+        began: list[tuple[float, Reading[Any] | None]] = []
 
         def look() -> Any:
-            nonlocal looked_s
-            began_s = self._clock.now_s()
-            found = otherwise()
-            looked_s = self._clock.now_s() - began_s
-            return found
+            began.append((self._clock.now_s(), self._last(name)))
+            return otherwise()
 
         if self._answering is None:
             answer = look()
         else:
-            self._clock.sleep(self._decision_s)
             answer = self._answering.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
+        answered_s = self._clock.now_s()
+        looks_from_s, last = began[0] if began else (answered_s, self._last(name))
         self.asked.append(
             Asked(
                 instant_s=asked_s,
@@ -135,11 +143,17 @@ class Audience:
                 since_s=since_s,
                 held=held,
                 answer=answer,
-                answered_s=self._clock.now_s(),
-                looked_s=looked_s,
+                answered_s=answered_s,
+                waited_s=looks_from_s - waits_from_s,
+                looked_s=answered_s - looks_from_s,
+                last=last,
+                has_looked=bool(began),
             )
         )
         return answer
+
+    def _last(self, name: str) -> Reading[Any] | None:
+        return None if self._answering is None else self._answering.get(name)
 
     def slot(self, *resources: str) -> AbstractContextManager[None]:
         """Hold slots of the answering arm; those of arms that only listen are their own."""

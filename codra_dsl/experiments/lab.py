@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -67,8 +67,10 @@ class LabRun:
     Attributes:
         loops: how many sample-processing loops were completed.
         error: the main execution's unrecoverable error, if that ended it.
+        interruptions: the instants and texts of unrecoverable errors after which it began anew.
         frames: how many were rendered.
         perceived: how many of these perception functions took.
+        looks_s: the instants of those that the main execution took itself.
         asked: the decisions of the main execution.
         skills: when each of its skills was under way.
         decisions: how many decisions were `answered` from context, by what an observer saw (`OBSERVED`) or what the
@@ -79,8 +81,10 @@ class LabRun:
     duration_s: float
     loops: int
     error: str | None
+    interruptions: Sequence[tuple[float, str]]
     frames: int
     perceived: int
+    looks_s: Sequence[float]
     arms: Sequence[ArmRun]
     truth: Mapping[str, Sequence[Piece]]
     asked: Sequence[Asked]
@@ -152,6 +156,8 @@ class LabSettings:
         work: what the main execution does.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes the main execution to ask that arm.
+        repair_s: how long someone takes to set things right after an unrecoverable error; the work then begins anew.
+            None if such an error ends the run (P1, section 4.1). With it, say how long the run lasts.
         expect: whether the main execution says beforehand what comes next.
         moments: tells the instants of which frames are kept, by name.
         progress: is told the present instant now and then.
@@ -164,6 +170,7 @@ class LabSettings:
     work: Work = ONE_LOOP
     answering: str | None = None
     decision_s: float = 0.0
+    repair_s: float | None = None
     pace: Pace = Pace.FAST
     expect: Expect = Expect.ONE_AHEAD
     moments: Callable[[LabRun], Mapping[str, float]] = telling_moments
@@ -182,7 +189,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         world = LabWorld(settings.seed)
         frames = stack.enter_context(FrameSource(world))
         clock = _clock(settings, stack)  # last of all that takes long: in real time it runs from here
-        camera = WatchedCamera(ArmCamera(frames, clock))
+        camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
         resources = {"camera": camera, "base": Localization(world, clock)}
         managers = {
             each.arm.name: stack.enter_context(
@@ -194,22 +201,24 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         }
         audience = _gathered(clock, managers, observers, settings)
         robot = Robot(world, clock, Random(f"{settings.seed} robot"))
-        eyes = Eyes(robot, camera, audience, clock, seed=settings.seed)
+        eyes = Eyes(robot, own_camera, audience, clock, seed=settings.seed)
         mission = Mission(robot, eyes, audience, clock, settings.expect)
-        error = _execute(mission, settings)
+        interruptions: list[tuple[float, str]] = []
+        error = _execute(mission, settings, clock, interruptions)
         end_s = clock.now_s()
         for manager in managers.values():
             manager.close()  # in real time jobs would go on while the run is judged
-        modelled = {name for manager in managers.values() for name in manager.modelled()}
-        truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), modelled)
+        truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
         arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
         answering = managers.get(settings.answering or "")
         run = LabRun(
             duration_s=end_s,
             loops=mission.loops,
             error=error,
+            interruptions=interruptions,
             frames=frames.rendered,
-            perceived=len(camera.instants_s),
+            perceived=len(camera.instants_s | own_camera.instants_s),
+            looks_s=sorted(own_camera.instants_s),
             arms=arms,
             truth=truth,
             asked=tuple(audience.asked),
@@ -279,20 +288,29 @@ def _declare_all(manager: Manager) -> None:
         manager.declare(name)
 
 
-def _execute(mission: Mission, settings: LabSettings) -> str | None:
-    """Let the main execution run to its end; return its unrecoverable error, if it had one."""
+def _execute(
+    mission: Mission, settings: LabSettings, clock: Clock, interruptions: list[tuple[float, str]]
+) -> str | None:
+    """Let the main execution run to its end; return the unrecoverable error that ended it, if one did."""
     try:
-        settings.work(mission)
+        while True:
+            try:
+                settings.work(mission)
+                return None
+            except MissionError as error:
+                if settings.repair_s is None:
+                    return str(error)
+                interruptions.append((clock.now_s(), str(error)))
+                clock.sleep(settings.repair_s)
     except TimeIsUp:
         return None
-    except MissionError as error:
-        return str(error)
-    return None
 
 
-def _truth_pieces(spans: Sequence[TruthSpan], modelled: Collection[str]) -> Mapping[str, Sequence[Piece]]:
-    """Return what was true, by variable, of those that the spec models."""
-    names = [name for name in (spans[0].values if spans else ()) if name in modelled]
+def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
+    """Return what was true, by variable: of those that an arm's spec models, of all if there is no arm."""
+    told = tuple(spans[0].values) if spans else ()
+    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(told)
+    names = [name for name in told if name in modelled]
     return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
 
 

@@ -10,13 +10,19 @@ from typing import Any
 from codra_dsl.experiments.scoring import Piece
 from codra_dsl.runtime.conditions import Value
 
+OWN_LOOK = "own look"
+"""What took evidence that no arm took: the main execution itself."""
+
+BEFORE_THE_ACTION = "before_the_action"
+"""Why context has no answer although it knows the variable: it has no evidence from after the action."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Basis:
-    """On what evidence an arm held a value when a decision needed it.
+    """On what evidence a value rested that was not true when a decision needed it.
 
     Attributes:
-        algorithm: that took the evidence.
+        algorithm: that took the evidence; `OWN_LOOK` if the main execution did.
         evidence_s: when.
         values: what it returned.
         was_true: whether the value was true at that instant: if so, it has changed since; if not, it was seen wrongly.
@@ -39,9 +45,14 @@ class Decision:
         held: the value that each arm held then, None for unknown.
         fresh: whether each arm's evidence was from after the action that the decision monitors; of a preview always.
         answer: what the main execution went by.
-        answered_s: when it had that answer.
-        looked_s: how long of the time in between the robot looked by itself.
-        wrong: by arm, the basis of each held value that was not true.
+        answered_s: when it had that answer: it asked, waited and looked in between.
+        waited_s: how long it waited for the arm that answers.
+        looked_s: how long the robot looked by itself.
+        has_looked: whether it did: context had no answer, or was not asked.
+        unanswered: why context had no answer: the reason why the variable was unknown, or `BEFORE_THE_ACTION`; empty if
+            it had one or was not asked.
+        wrong: by arm, the basis of each value held at `instant_s` that was not true.
+        wrong_answer: the basis of the answer if that was not true at `answered_s`.
     """
 
     instant_s: float
@@ -53,8 +64,12 @@ class Decision:
     fresh: Mapping[str, bool]
     answer: Value | None
     answered_s: float
+    waited_s: float
     looked_s: float
+    has_looked: bool
+    unanswered: str
     wrong: Mapping[str, Basis]
+    wrong_answer: Basis | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,6 +128,7 @@ class Outcome:
 
     Attributes:
         error: what ended the main execution early; None if nothing did.
+        interruptions: instants in s and texts of errors after which it began anew.
         frames: how many frames were rendered for perception, and `perceived` how many instants it looked at.
         truth: what was true, by variable.
         skills: the main execution's skills as (name, start in s, end in s).
@@ -124,6 +140,7 @@ class Outcome:
     duration_s: float
     loops: int
     error: str | None
+    interruptions: Sequence[tuple[float, str]]
     frames: int
     perceived: int
     truth: Mapping[str, Sequence[Piece]]
@@ -141,13 +158,10 @@ class Outcome:
         """Return what `to_json` wrote."""
         told = json.loads(text)
         arms = {name: _arm(arm) for name, arm in told["arms"].items()}
-        decisions = [
-            Decision(**{**each, "wrong": {arm: Basis(**basis) for arm, basis in each["wrong"].items()}})
-            for each in told["decisions"]
-        ]
+        decisions = [_decision(each) for each in told["decisions"]]
         truth = {name: _pieces(found) for name, found in told["truth"].items()}
         told |= {"truth": truth, "arms": arms, "decisions": decisions}
-        told["skills"] = [tuple(each) for each in told["skills"]]
+        told |= {name: [tuple(each) for each in told[name]] for name in ("skills", "interruptions")}
         told["kept"] = [KeptFrame(**each) for each in told["kept"]]
         return cls(**told)
 
@@ -156,6 +170,12 @@ def _arm(told: Mapping[str, Any]) -> ArmOutcome:
     held = {name: _pieces(found) for name, found in told["held"].items()}
     wrong = {name: tuple(WrongSpan(**each) for each in found) for name, found in told["wrong"].items()}
     return ArmOutcome(**{**told, "held": held, "wrong": wrong})
+
+
+def _decision(told: Mapping[str, Any]) -> Decision:
+    wrong = {arm: Basis(**basis) for arm, basis in told["wrong"].items()}
+    wrong_answer = None if told["wrong_answer"] is None else Basis(**told["wrong_answer"])
+    return Decision(**{**told, "wrong": wrong, "wrong_answer": wrong_answer})
 
 
 def _pieces(told: Sequence[Mapping[str, Any]]) -> tuple[Piece, ...]:

@@ -110,14 +110,15 @@ class Welch:
         t: the test statistic.
         degrees: of freedom, by Welch and Satterthwaite.
         p: how probable a difference at least as large were if the means were equal.
-        hedges_g: the difference in units of the root of the mean variance, corrected for small samples.
+        hedges_g: the difference in units of the root of the mean variance, corrected for small samples, with an
+            interval that lets variances differ (Bonett, Psychological Methods 13, 2008).
     """
 
     difference: Estimate
     t: float
     degrees: float
     p: float
-    hedges_g: float
+    hedges_g: Estimate
 
 
 def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
@@ -135,20 +136,30 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
     """
     if min(len(first), len(second)) < 2:
         raise ValueError("a variance needs two values at least")
-    mean_variance = (_variance(first) + _variance(second)) / 2
-    if mean_variance == 0.0:
+    if _variance(first) + _variance(second) == 0.0:
         return None
     found = stats.ttest_ind(first, second, equal_var=False)
     interval = found.confidence_interval(LEVEL)
     difference = float(np.mean(first) - np.mean(second))
-    correction = 1.0 - 3.0 / (4.0 * (len(first) + len(second) - 2) - 1.0)
     return Welch(
         difference=Estimate(value=difference, low=float(interval.low), high=float(interval.high)),
         t=float(found.statistic),
         degrees=float(found.df),
         p=float(found.pvalue),
-        hedges_g=correction * difference / math.sqrt(mean_variance),
+        hedges_g=_hedges_g(difference, first, second),
     )
+
+
+def _hedges_g(difference: float, first: Sequence[float], second: Sequence[float]) -> Estimate:
+    variances, degrees = (_variance(first), _variance(second)), (len(first) - 1, len(second) - 1)
+    mean_variance = sum(variances) / 2
+    effect = difference / math.sqrt(mean_variance)
+    shares = [variance / mean_variance for variance in variances]
+    spread = effect**2 / 8 * sum(share**2 / degree for share, degree in zip(shares, degrees, strict=True))
+    deviation = math.sqrt(spread + sum(share / degree for share, degree in zip(shares, degrees, strict=True)))
+    reach = float(stats.norm.ppf((1.0 + LEVEL) / 2)) * deviation
+    correction = 1.0 - 3.0 / (4.0 * sum(degrees) - 1.0)
+    return Estimate(value=correction * effect, low=effect - reach, high=effect + reach)
 
 
 def _variance(values: Sequence[float]) -> float:

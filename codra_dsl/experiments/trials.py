@@ -13,7 +13,16 @@ import cv2
 from codra_dsl.experiments.arms import Arm, observers
 from codra_dsl.experiments.audience import Asked
 from codra_dsl.experiments.lab import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
-from codra_dsl.experiments.outcomes import ArmOutcome, Basis, Decision, KeptFrame, Outcome, WrongSpan
+from codra_dsl.experiments.outcomes import (
+    BEFORE_THE_ACTION,
+    OWN_LOOK,
+    ArmOutcome,
+    Basis,
+    Decision,
+    KeptFrame,
+    Outcome,
+    WrongSpan,
+)
 from codra_dsl.experiments.scoring import Piece, overlaps
 from codra_dsl.experiments.spec_run import loaded
 from codra_dsl.runtime import Reading, Record
@@ -31,6 +40,7 @@ class Trial:
         spec: the file of the experiment's spec.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes to ask that arm.
+        repair_s: how long it takes to set things right after an unrecoverable error; None if that ends the run.
         work: what the main execution does.
         duration_s: how long it does so at most.
         frames_kept: how many frames are kept, besides those of wrong decisions, to be looked at again.
@@ -42,6 +52,7 @@ class Trial:
     arms: tuple[Arm, ...]
     answering: str | None = None
     decision_s: float = 0.0
+    repair_s: float | None = None
     work: Work = ONE_LOOP
     duration_s: float | None = None
     frames_kept: int = 0
@@ -65,7 +76,8 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
         work=trial.work,
         answering=trial.answering,
         decision_s=trial.decision_s,
-        moments=lambda run: _moments(run, trial.frames_kept),
+        repair_s=trial.repair_s,
+        moments=lambda run: _moments(run, trial),
         progress=progress,
     )
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
@@ -90,10 +102,15 @@ def store_frame(frame: Frame, path: Path) -> None:
 # Which frames are kept
 
 
-def _moments(run: LabRun, frames_kept: int) -> Mapping[str, float]:
+def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
     """Return the instants of frames to keep, by file name: of evidence for wrong decisions, and evenly over the run."""
-    instants = {basis.evidence_s for decision in _decisions(run) for basis in decision.wrong.values() if basis.frame}
-    instants |= {kept.evidence_s for kept in _evenly(run, frames_kept)}
+    instants = {
+        basis.evidence_s
+        for decision in _decisions(run, trial)
+        for basis in (*decision.wrong.values(), decision.wrong_answer)
+        if basis is not None and basis.frame
+    }
+    instants |= {kept.evidence_s for kept in _evenly(run, trial.frames_kept)}
     return {_file_of(instant_s): instant_s for instant_s in sorted(instants)}
 
 
@@ -133,11 +150,12 @@ def _outcome(trial: Trial, run: LabRun) -> Outcome:
         duration_s=run.duration_s,
         loops=run.loops,
         error=run.error,
+        interruptions=list(run.interruptions),
         frames=run.frames,
         perceived=run.perceived,
         truth=run.truth,
         arms={arm.name: _arm_outcome(arm, run.truth) for arm in run.arms},
-        decisions=_decisions(run),
+        decisions=_decisions(run, trial),
         skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
         kept=list(_kept(run, trial.frames_kept)),
     )
@@ -197,9 +215,14 @@ def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:
         )
 
 
-def _decisions(run: LabRun) -> Sequence[Decision]:
+def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
     returned = {arm.name: _returned(arm) for arm in run.arms}
-    return [_decision(asked, run.truth[asked.variable], returned) for asked in run.asked if asked.variable in run.truth]
+    answers = returned.get(trial.answering or "", {})
+    return [
+        _decision(asked, truth, returned, _wrong_answer(asked, truth, answers, run.looks_s))
+        for asked in run.asked
+        if (truth := run.truth.get(asked.variable)) is not None
+    ]
 
 
 _Returned = Mapping[tuple[str, float], Mapping[str, Any]]
@@ -214,7 +237,9 @@ def _returned(arm: ArmRun) -> _Returned:
     }
 
 
-def _decision(asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Returned]) -> Decision:
+def _decision(
+    asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Returned], wrong_answer: Basis | None
+) -> Decision:
     true_now = value_at(truth, asked.instant_s)
     held = {arm: reading.content for arm, reading in asked.held.items()}
     return Decision(
@@ -227,12 +252,39 @@ def _decision(asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Retu
         fresh={arm: reading.known and reading.evidence_s >= asked.since_s for arm, reading in asked.held.items()},
         answer=asked.answer,
         answered_s=asked.answered_s,
+        waited_s=asked.waited_s,
         looked_s=asked.looked_s,
+        has_looked=asked.has_looked,
+        unanswered=_unanswered(asked),
         wrong={
             arm: _basis(reading, truth, returned[arm])
             for arm, reading in asked.held.items()
             if reading.known and reading.content != true_now
         },
+        wrong_answer=wrong_answer,
+    )
+
+
+def _unanswered(asked: Asked) -> str:
+    if not asked.has_looked or asked.last is None:
+        return ""
+    return BEFORE_THE_ACTION if asked.last.reason is None else asked.last.reason.value
+
+
+def _wrong_answer(asked: Asked, truth: Sequence[Piece], returned: _Returned, looks_s: Sequence[float]) -> Basis | None:
+    """Return the basis of an answer that was not true when it was given; None if it was, or there was none."""
+    if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
+        return None
+    if asked.last is not None and not asked.has_looked:
+        return _basis(asked.last, truth, returned)
+    own_s = [instant_s for instant_s in looks_s if asked.instant_s <= instant_s <= asked.answered_s]
+    evidence_s = own_s[-1] if own_s else asked.answered_s
+    return Basis(
+        algorithm=OWN_LOOK,
+        evidence_s=evidence_s,
+        values={},
+        was_true=value_at(truth, evidence_s) == asked.answer,
+        frame=_file_of(evidence_s) if own_s else "",
     )
 
 

@@ -148,7 +148,7 @@ def test_welch_gives_what_the_textbook_gives() -> None:
     assert found.degrees == pytest.approx((5 / 12 + 8) ** 2 / ((5 / 12) ** 2 / 3 + 8**2 / 4))
     assert 0.001 < found.p < 0.01
     assert found.difference.is_negative
-    assert found.hedges_g == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
+    assert found.hedges_g.value == pytest.approx((1 - 3 / 27) * -15.5 / ((5 / 3 + 40) / 2) ** 0.5)
 
 
 def test_samples_that_do_not_vary_are_not_tested() -> None:
@@ -158,3 +158,34 @@ def test_samples_that_do_not_vary_are_not_tested() -> None:
 def test_a_sample_of_one_is_refused() -> None:
     with pytest.raises(ValueError, match="two values"):
         welch([1.0], [2.0, 3.0])
+
+
+def test_welch_gives_what_r_prints_for_its_data_on_sleep() -> None:
+    first = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+    second = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+
+    found = welch(first, second)  # as `t.test(extra ~ group, data = sleep)` is printed in R's manual
+
+    assert found is not None
+    assert found.t == pytest.approx(-1.8608, abs=5e-5)
+    assert found.degrees == pytest.approx(17.776, abs=5e-4)
+    assert found.p == pytest.approx(0.07939, abs=5e-6)
+    assert found.difference.low == pytest.approx(-3.3654832, abs=5e-8)
+    assert found.difference.high == pytest.approx(0.2054832, abs=5e-8)
+
+
+def test_the_effect_and_its_interval_are_those_that_statpsych_prints() -> None:
+    first, second = (sample_of(30, mean, deviation) for mean, deviation in ((35.1, 7.32), (26.7, 6.98)))
+
+    found = welch(first, second)  # as `ci.stdmean2(.05, 35.1, 26.7, 7.32, 6.98, 30, 30)` is printed in its manual
+
+    assert found is not None
+    assert found.hedges_g.value == pytest.approx(1.159240, abs=1e-5)
+    assert found.hedges_g.low == pytest.approx(0.6170771, abs=1e-5)
+    assert found.hedges_g.high == pytest.approx(1.731909, abs=1e-5)
+
+
+def sample_of(count: int, mean: float, deviation: float) -> list[float]:
+    """Return a sample that has exactly this mean and standard deviation."""
+    raw = np.arange(count, dtype=float)
+    return list(mean + deviation * (raw - raw.mean()) / raw.std(ddof=1))

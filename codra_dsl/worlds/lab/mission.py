@@ -110,6 +110,22 @@ class Mission:
             raise MissionError(str(error)) from error
         self.loops += 1
 
+    def open_and_close(self, machine: str, times: int) -> None:
+        """Drive to a machine, then unlock and open it and close and lock it again and again (P1, section 4.2).
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+        """
+        try:
+            self._drive_to(machine)
+            for _ in range(times):
+                self._unlock(machine)
+                self._open(machine)
+                self._close(machine)
+                self._lock(machine)
+        except OutOfReachError as error:
+            raise MissionError(str(error)) from error
+
     def _process_a_batch(self) -> None:
         self._visit(CENTRIFUGE, self._take_from_centrifuge)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))

@@ -93,6 +93,7 @@ _TURN_RAD_PER_S = 0.45
 _GRIPPED_M = 0.022
 _OPENED_M = 0.08
 _GAZE_DEVIATION_M = 0.01
+_LOOKING = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
 
 
 class Localization:
@@ -121,11 +122,12 @@ class Robot:
             world: where it stands.
             clock: what its actions wait on.
             random: what its durations, slips and losses are drawn from; of its own, so that whoever watches changes
-                nothing.
+                nothing. What looking takes is drawn apart: how often it looks changes nothing of its other actions.
         """
         self._world = world
         self._clock = clock
         self._random = random
+        self._looking = Random(random.random())
         self.is_carrying = False
 
     # What it knows of itself
@@ -218,7 +220,7 @@ class Robot:
         self._check_reach(machine)
         believed = self._world.believed_map_from_robot(self._clock.now_s())
         gaze = in_frame(observation_gaze(machine, part), believed.inverse() @ machine_named(machine).map_from_base)
-        eye_m = tuple(number_m + self._random.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
+        eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
         self._wait(Phase.PLAN_LOOK)
         self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
         self._wait(Phase.SETTLE)
@@ -399,7 +401,7 @@ class Robot:
         self._clock.sleep(self._draw(phase))
 
     def _draw(self, phase: Phase) -> float:
-        return DURATIONS[phase].draw(self._random)
+        return DURATIONS[phase].draw(self._looking if phase in _LOOKING else self._random)
 
     def _varied(self, duration_s: float) -> float:
         return Spread(duration_s, 0.15 * duration_s).draw(self._random)
