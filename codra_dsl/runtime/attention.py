@@ -10,7 +10,7 @@ from codra_dsl.runtime.cell import BEFORE_ALL_S, Reading
 
 
 class Attention:
-    """What skills monitor and, while they act, change, and when one last ended to act. Who changes it holds the lock."""
+    """What skills monitor and, while they act, change, and when one last ended to act. It is changed under the lock."""
 
     def __init__(self) -> None:
         self._monitored: Counter[str] = Counter()

@@ -284,6 +284,23 @@ def test_a_failed_look_that_began_before_the_invalidation_leaves_its_reason() ->
             assert manager.get("open").reason is Reason.FAILED
 
 
+def test_what_an_action_changes_is_not_kept_once_it_cannot_be_seen_and_otherwise_it_is() -> None:
+    with started(Door(angle_rad=1.0), GIVEN_NEAR) as (manager, clock), manager.skill("open_door") as skill:
+        clock.sleep(2)
+        with skill.acting():
+            clock.sleep(3)
+            assert manager.get("open").known
+            manager.set("near", False)
+            clock.sleep(0.1)
+            reading = manager.get("open")
+            assert (reading.reason, reading.detail) == (Reason.FORGOTTEN, "near")
+            manager.set("near", True)
+            clock.sleep(3)
+        manager.set("near", False)
+        clock.sleep(3)
+        assert manager.get("open").known
+
+
 def test_what_the_main_execution_knows_of_its_own_act_counts() -> None:
     with started(Door(), GIVEN_NEAR) as (manager, _), manager.skill("open_door") as skill, skill.acting():
         manager.set("open", True)
