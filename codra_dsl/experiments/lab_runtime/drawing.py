@@ -87,6 +87,14 @@ def _pair(
         middle_s, around_s = mean(found) or 0.0, deviation(found) or 0.0
         where = place + side * (_WIDTH + 0.02)
         axes.bar(where, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
-        axes.annotate(f"{middle_s:.0f}", (where, 0), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+        axes.annotate(
+            f"{middle_s:.0f}",
+            (where, 0),
+            (0, 4),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color="white" if colour in (_WITHOUT_PERCEPTION, _OBSERVED_PERCEPTION) else "black",
+        )
         tops.append(middle_s + around_s)
     return max(tops)

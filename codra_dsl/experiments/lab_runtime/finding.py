@@ -36,7 +36,7 @@ def deviation(values: Sequence[float]) -> float | None:
 
 def rounded(value: float | None, digits: int = 2) -> float | None:
     """Return a number as it is shown."""
-    return None if value is None else round(value, digits)
+    return None if value is None else round(value, digits) + 0.0  # no minus before nothing
 
 
 def percent(share: float | None) -> float | None:
