@@ -1,19 +1,18 @@
 """The tree of frames: RT edges with their past, and the transform between any two frames at any instant (P2, 3.1).
 
 A link from a frame to its parent has a stamp as well: what is asked about an instant follows the tree as it stood then.
-Answers are kept, each with the tracks and links that it came from, and are given again only while none of these has
-changed: so a kept answer is never another than a fresh one.
+Answers are kept, each with the tracks and links that it came from, and are given again only to who asks of these very
+tracks: so a kept answer is never another than a fresh one.
 """
 
 from __future__ import annotations
 
 import math
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from threading import RLock
 
-from codra_dsl.runtime.geometry.motion import Motion, Outcome, Standing, Track
+from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Standing, Track
 from codra_dsl.runtime.geometry.pose import IDENTITY, Pose
+from codra_dsl.runtime.persistent import PersistentMap
 
 MOST_KEPT = 4096
 """Answers that are kept at most."""
@@ -41,72 +40,75 @@ class Transform:
     weakest: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
-    transform: Transform
-    tracks: tuple[tuple[Track, int], ...]
+_Answers = dict[tuple[str, str, float], tuple[Transform, tuple[tuple[str, Track], ...]]]
+"""What was asked, the answer, and the tracks that it came from."""
 
 
 class Frames:
-    """All frames of a world. Threads may share it."""
+    """All frames of a world, as they are known at one time. It never changes: more that is said makes another.
 
-    def __init__(self, lock: AbstractContextManager[object] | None = None) -> None:
-        """Begin without frames.
+    Those that came from each other keep their answers together.
+    """
 
-        Args:
-            lock: taken for each call, and by whoever wants several calls to see one state; by default one of its own.
-        """
-        self.lock = RLock() if lock is None else lock
-        self._tracks: dict[str, Track] = {}
-        self._kept: dict[tuple[str, str, float], _Kept] = {}
+    __slots__ = ("_answers", "_tracks")
 
-    def declare(self, name: str, motion: Motion) -> None:
-        """Say how a frame moves in its parents; a frame that is not declared moves as `Motion()` says.
+    def __init__(self) -> None:
+        """Begin without frames."""
+        self._tracks: PersistentMap[str, Track] = PersistentMap()
+        self._answers: _Answers = {}
 
-        Raises:
-            FrameError: if poses of the frame are there already.
-        """
-        with self.lock:
-            if self._tracks.get(name):
-                raise FrameError(f"frame {name!r} has poses already: declare it before its first one")
-            self._tracks[name] = Track(motion)
-
-    def set(self, child: str, parent: str, pose: Pose, stamp_s: float) -> None:
-        """Say where a frame stands at an instant; it stands in that parent until it is said to stand in another.
+    def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
+        """Return the frames, of which one stands somewhere from an instant on, until it is said to stand elsewhere.
 
         Args:
             child: the frame.
             parent: another frame.
             pose: of the child in the parent.
             stamp_s: when that was so; instants may come in any order.
+            motion: how the child moves in this parent.
 
         Raises:
             FrameError: if the parent stands in the child at that time, directly or through others.
             ValueError: if the stamp is not finite.
         """
         _check_instant(stamp_s)
-        with self.lock:
-            track = self._track(child)
-            if child == parent or self._stands_in(parent, child, *track.reach(stamp_s)):
-                raise FrameError(f"{child!r} cannot stand in {parent!r} from {stamp_s:g} s on: that stands in it")
-            self._track(parent)
-            track.write(stamp_s, parent, pose)
+        tracks, track = self._tracks, self._tracks.get(child) or Track()
+        if child == parent or self._stands_in(parent, child, *track.reach(stamp_s)):
+            raise FrameError(f"{child!r} cannot stand in {parent!r} from {stamp_s:g} s on: that stands in it")
+        if parent not in tracks:
+            tracks = tracks.with_entry(parent, Track())
+        return self._with(tracks.with_entry(child, track.with_pose(stamp_s, parent, pose, motion)))
 
-    def remove(self, child: str, stamp_s: float) -> None:
-        """Say that a frame stands in nothing from an instant on, until it is said to stand somewhere.
+    def without_parent(self, child: str, stamp_s: float) -> Frames:
+        """Return the frames, of which one stands in nothing from an instant on, until it is said to stand somewhere.
 
         Raises:
             FrameError: if there is no such frame.
             ValueError: if the stamp is not finite.
         """
         _check_instant(stamp_s)
-        with self.lock:
-            self._known(child).write(stamp_s, None, IDENTITY)
+        track = self._known(child)
+        motion = track.motion if len(track) else ANY_MOTION
+        return self._with(self._tracks.with_entry(child, track.with_pose(stamp_s, None, IDENTITY, motion)))
+
+    def without(self, name: str) -> Frames:
+        """Return the frames as if one had never been."""
+        return self._with(self._tracks.without(name))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._tracks
 
     def names(self) -> tuple[str, ...]:
-        """Return all frames, in the order in which they came."""
-        with self.lock:
-            return tuple(self._tracks)
+        """Return all frames, in alphabetical order."""
+        return tuple(sorted(self._tracks))
+
+    def track(self, name: str) -> Track:
+        """Return where a frame has stood.
+
+        Raises:
+            FrameError: if there is no such frame.
+        """
+        return self._known(name)
 
     def parent(self, name: str, instant_s: float) -> str | None:
         """Return the parent of a frame at an instant; None if it has none.
@@ -114,9 +116,8 @@ class Frames:
         Raises:
             FrameError: if there is no such frame.
         """
-        with self.lock:
-            standing = self._known(name).at(instant_s)
-            return None if standing is None else standing.parent
+        standing = self._known(name).at(instant_s)
+        return None if standing is None else standing.parent
 
     def transform(self, target: str, source: str, instant_s: float) -> Transform:
         """Return where a frame stands in another, along the tree as it stood at an instant.
@@ -130,23 +131,28 @@ class Frames:
             FrameError: if a frame is unknown, or the two were not connected then.
         """
         key = (target, source, instant_s)
-        with self.lock:
-            kept = self._kept.get(key)
-            if kept is not None:
-                for track, version in kept.tracks:
-                    if track.version != version:
-                        break
-                else:
-                    return kept.transform
-            fresh = self._computed(target, source, instant_s)
-            if len(self._kept) >= MOST_KEPT:
-                self._kept.clear()
-            self._kept[key] = fresh
-            return fresh.transform
+        kept = self._answers.get(key)
+        if kept is not None:
+            tracks = self._tracks
+            for name, track in kept[1]:
+                if tracks.get(name) is not track:
+                    break
+            else:
+                return kept[0]
+        transform, came_from = self._computed(target, source, instant_s)
+        if len(self._answers) >= MOST_KEPT:
+            self._answers.clear()
+        self._answers[key] = transform, came_from
+        return transform
 
     # Within
 
-    def _computed(self, target: str, source: str, instant_s: float) -> _Kept:
+    def _with(self, tracks: PersistentMap[str, Track]) -> Frames:
+        made = Frames.__new__(Frames)
+        made._tracks, made._answers = tracks, self._answers
+        return made
+
+    def _computed(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
         ups, downs = self._climb(source, instant_s), self._climb(target, instant_s)
         common = next((name for name in ups if name in downs), None)
         if common is None:
@@ -164,8 +170,7 @@ class Frames:
             weakest=worst[2] if worst[0] else "",
         )
         # What the common frame itself stands in plays no part.
-        tracks = [self._tracks[name] for name, _ in (*up, *down)]
-        return _Kept(transform, tuple((track, track.version) for track in tracks))
+        return transform, tuple((name, self._tracks[name]) for name, _ in (*up, *down))
 
     def _climb(self, name: str, instant_s: float) -> dict[str, Standing | None]:
         """Return a frame, its parent at an instant, and so on to the root, each with where it stands."""
@@ -179,22 +184,17 @@ class Frames:
         return found
 
     def _known(self, name: str) -> Track:
-        if name not in self._tracks:
+        track = self._tracks.get(name)
+        if track is None:
             raise FrameError(f"there is no frame {name!r}")
-        return self._tracks[name]
-
-    def _track(self, name: str) -> Track:
-        if name not in self._tracks:
-            self._tracks[name] = Track(Motion())
-        return self._tracks[name]
+        return track
 
     def _stands_in(self, name: str, outer: str, start_s: float, end_s: float) -> bool:
         """Return whether a frame stands in another at some instant from one until before another."""
-        if name not in self._tracks:
-            return False
-        return any(
+        track = self._tracks.get(name)
+        return track is not None and any(
             parent == outer or self._stands_in(parent, outer, from_s, until_s)
-            for from_s, until_s, parent in self._tracks[name].spans(start_s, end_s)
+            for from_s, until_s, parent in track.spans(start_s, end_s)
         )
 
 

@@ -29,7 +29,7 @@ class Motion:
         history_s: how far back poses are kept, counted from the newest.
         extrapolate_s: how far beyond the newest pose its motion is taken to go on.
         valid_for_s: how long the newest pose is worth something: beyond, it is stale.
-        is_static: whether the frame only ever moves in steps: then a pose holds, exactly, until the next one.
+        is_static: whether the frame only moves in steps: then a pose holds, exactly, until the next one.
     """
 
     history_s: float = 10.0
@@ -38,7 +38,10 @@ class Motion:
     is_static: bool = False
 
 
-STATIC = Motion(history_s=math.inf, is_static=True)
+ANY_MOTION = Motion()
+
+_MOST_DROPPED = 64
+"""Poses in front of the history that lists hold at least until they are copied without them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,66 +62,96 @@ class Standing:
 
 
 class Track:
-    """The stamped poses of one frame, each in the parent that it had then. Readers and writers hold the same lock.
+    """The stamped poses of one frame, each in the parent and with the motion that it had then. It never changes.
 
-    Attributes:
-        motion: what is declared of the frame's edge.
-        version: counts changes, so that whoever keeps an answer knows whether it still holds.
+    Tracks share their lists. One that is longer by a newer pose appends it to the list that the shorter one has, which
+    does not look beyond its own end; whatever else is changed makes new lists.
     """
 
-    __slots__ = ("_parents", "_poses", "_stamps_s", "motion", "version")
+    __slots__ = ("_end", "_motions", "_parents", "_poses", "_stamps_s", "_start")
 
-    def __init__(self, motion: Motion) -> None:
-        self.motion = motion
-        self.version = 0
+    def __init__(self) -> None:
+        """Know of no pose."""
         self._stamps_s: list[float] = []
         self._parents: list[str | None] = []
         self._poses: list[Pose] = []
+        self._motions: list[Motion] = []
+        self._start = 0
+        self._end = 0
 
     def __len__(self) -> int:
-        return len(self._stamps_s)
+        return self._end - self._start
 
-    def write(self, stamp_s: float, parent: str | None, pose: Pose) -> None:
-        """Take a pose; one of the same instant is replaced, one that is older than the history is dropped."""
-        position = bisect_left(self._stamps_s, stamp_s)
-        end = position + (position < len(self._stamps_s) and self._stamps_s[position] == stamp_s)
-        self._stamps_s[position:end] = [stamp_s]
-        self._parents[position:end] = [parent]
-        self._poses[position:end] = [pose]
-        self._drop_old()
-        self.version += 1
+    @property
+    def newest_s(self) -> float:
+        """Return the instant of the newest pose."""
+        return self._stamps_s[self._end - 1]
+
+    @property
+    def motion(self) -> Motion:
+        """Return what is declared of the edge on which the frame stands now."""
+        return self._motions[self._end - 1]
+
+    def with_pose(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> Track:
+        """Return the track with one more pose.
+
+        One of the same instant is replaced, one that is older than the history is dropped. Tracks that share lists are
+        changed by one thread at a time.
+        """
+        made = Track.__new__(Track)
+        if (not self._end or stamp_s > self._stamps_s[self._end - 1]) and len(self._motions) == self._end:
+            self._share_with(made, self._start)
+            made._stamps_s.append(stamp_s)
+            made._parents.append(parent)
+            made._poses.append(pose)
+            made._motions.append(motion)  # the last, by which a track sees that nobody has appended yet
+            made._end = self._end + 1
+        else:
+            made._copy(self)
+            made._put(stamp_s, parent, pose, motion)
+        made._drop_old()
+        return made
 
     def at(self, instant_s: float) -> Standing | None:
         """Return where the frame stands at an instant; None if nothing is known of it."""
-        stamps_s = self._stamps_s
-        if not stamps_s:
+        stamps_s, start = self._stamps_s, self._start
+        if start == self._end:
             return None
-        last = bisect_right(stamps_s, instant_s) - 1
-        if last < 0:
-            return Standing(self._parents[0], self._poses[0], Outcome.CLAMPED, stamps_s[0] - instant_s)
+        last = bisect_right(stamps_s, instant_s, start, self._end) - 1
+        if last < start:
+            return Standing(self._parents[start], self._poses[start], Outcome.CLAMPED, stamps_s[start] - instant_s)
         gap_s = instant_s - stamps_s[last]
-        if gap_s == 0.0 or self.motion.is_static:
+        if gap_s == 0.0 or self._motions[last].is_static:
             return Standing(self._parents[last], self._poses[last])
-        if last + 1 < len(stamps_s) and self._parents[last + 1] == self._parents[last]:
+        if last + 1 < self._end and self._goes_on(last):
             return self._between(last, gap_s)
         return self._beyond(last, gap_s)
 
     def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
         """Yield the parents from one instant until before another, each with the time for which it was the parent."""
-        for position, parent in enumerate(self._parents):
-            from_s = max(start_s, self._stamps_s[position] if position else -math.inf)
+        first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
+        for position in range(first, self._end):
+            parent = self._parents[position]
+            from_s = max(start_s, self._stamps_s[position] if position > self._start else -math.inf)
             until_s = min(end_s, self._until_s(position))
             if parent is not None and from_s < until_s:
                 yield from_s, until_s, parent
 
     def reach(self, stamp_s: float) -> tuple[float, float]:
         """Return from when until when a pose of an instant would say where the frame stands."""
-        after = bisect_right(self._stamps_s, stamp_s)
-        is_first = after == 0 or (after == 1 and self._stamps_s[0] == stamp_s)
+        after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
+        is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
         return -math.inf if is_first else stamp_s, self._until_s(after - 1)
 
     def _until_s(self, position: int) -> float:
-        return self._stamps_s[position + 1] if position + 1 < len(self._stamps_s) else math.inf
+        return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
+
+    def _goes_on(self, position: int) -> bool:
+        """Return whether the frame moves from one pose to the next, in one parent and in one way."""
+        return (
+            self._parents[position + 1] == self._parents[position]
+            and self._motions[position + 1] == self._motions[position]
+        )
 
     def _between(self, last: int, gap_s: float) -> Standing:
         span_s = self._stamps_s[last + 1] - self._stamps_s[last]
@@ -127,18 +160,40 @@ class Track:
 
     def _beyond(self, last: int, gap_s: float) -> Standing:
         """Return where the frame stands some time after its last pose in a parent."""
-        parent, pose = self._parents[last], self._poses[last]
-        if gap_s >= self.motion.valid_for_s:
+        parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
+        if gap_s >= motion.valid_for_s:
             return Standing(parent, pose, Outcome.STALE, gap_s)
-        if gap_s > self.motion.extrapolate_s:
+        if gap_s > motion.extrapolate_s:
             return Standing(parent, pose, Outcome.CLAMPED, gap_s)
-        if last > 0 and self._parents[last - 1] == parent:
+        if last > self._start and self._goes_on(last - 1):
             span_s = self._stamps_s[last] - self._stamps_s[last - 1]
             pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
         return Standing(parent, pose, Outcome.EXTRAPOLATED, gap_s)
 
+    def _share_with(self, other: Track, start: int) -> None:
+        other._stamps_s, other._parents = self._stamps_s, self._parents
+        other._poses, other._motions = self._poses, self._motions
+        other._start, other._end = start, self._end
+
+    def _copy(self, other: Track) -> None:
+        seen = slice(other._start, other._end)
+        self._stamps_s, self._parents = other._stamps_s[seen], other._parents[seen]
+        self._poses, self._motions = other._poses[seen], other._motions[seen]
+        self._start, self._end = 0, len(self._stamps_s)
+
+    def _put(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
+        """Put a pose into lists of its own."""
+        position = bisect_left(self._stamps_s, stamp_s)
+        end = position + (position < self._end and self._stamps_s[position] == stamp_s)
+        self._stamps_s[position:end] = [stamp_s]
+        self._parents[position:end] = [parent]
+        self._poses[position:end] = [pose]
+        self._motions[position:end] = [motion]
+        self._end = len(self._stamps_s)
+
     def _drop_old(self) -> None:
         """Drop what is older than the history, but for the last pose before it: it tells where the history begins."""
-        count = bisect_right(self._stamps_s, self._stamps_s[-1] - self.motion.history_s) - 1
-        if count > 0:
-            del self._stamps_s[:count], self._parents[:count], self._poses[:count]
+        begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
+        self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
+        if self._start > _MOST_DROPPED and self._start > self._end // 2:
+            self._copy(self)
