@@ -40,8 +40,8 @@ class Transform:
     weakest: str = ""
 
 
-_Answers = dict[tuple[str, str, float], tuple[Transform, tuple[tuple[str, Track], ...]]]
-"""What was asked, the answer, and the tracks that it came from."""
+_Answer = tuple[Transform, tuple[tuple[str, Track], ...]]
+"""A transform, and the tracks that it came from."""
 
 
 class Frames:
@@ -55,7 +55,7 @@ class Frames:
     def __init__(self) -> None:
         """Begin without frames."""
         self._tracks: PersistentMap[str, Track] = PersistentMap()
-        self._answers: _Answers = {}
+        self._answers: dict[tuple[str, str, float], _Answer] = {}
 
     def with_pose(self, child: str, parent: str, pose: Pose, stamp_s: float, motion: Motion = ANY_MOTION) -> Frames:
         """Return the frames, of which one stands somewhere from an instant on, until it is said to stand elsewhere.
@@ -130,6 +130,20 @@ class Frames:
         Raises:
             FrameError: if a frame is unknown, or the two were not connected then.
         """
+        return self._answer(target, source, instant_s)[0]
+
+    def fresh_until_s(self, target: str, source: str, instant_s: float) -> float:
+        """Return until when no edge between two frames is stale, if nothing more is said of them.
+
+        Raises:
+            FrameError: if a frame is unknown, or the two were not connected at the instant.
+        """
+        _, tracks = self._answer(target, source, instant_s)
+        return min((track.newest_s + track.motion.valid_for_s for _, track in tracks), default=math.inf)
+
+    # Within
+
+    def _answer(self, target: str, source: str, instant_s: float) -> _Answer:
         key = (target, source, instant_s)
         kept = self._answers.get(key)
         if kept is not None:
@@ -138,14 +152,12 @@ class Frames:
                 if tracks.get(name) is not track:
                     break
             else:
-                return kept[0]
-        transform, came_from = self._computed(target, source, instant_s)
+                return kept
+        made = self._computed(target, source, instant_s)
         if len(self._answers) >= MOST_KEPT:
             self._answers.clear()
-        self._answers[key] = transform, came_from
-        return transform
-
-    # Within
+        self._answers[key] = made
+        return made
 
     def _with(self, tracks: PersistentMap[str, Track]) -> Frames:
         made = Frames.__new__(Frames)

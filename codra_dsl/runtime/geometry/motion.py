@@ -88,6 +88,11 @@ class Track:
         return self._stamps_s[self._end - 1]
 
     @property
+    def parent(self) -> str | None:
+        """Return the parent by the newest pose; None if the frame stands in nothing."""
+        return self._parents[self._end - 1] if self._end else None
+
+    @property
     def motion(self) -> Motion:
         """Return what is declared of the edge on which the frame stands now."""
         return self._motions[self._end - 1]
