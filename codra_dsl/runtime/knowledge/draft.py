@@ -328,7 +328,7 @@ class Draft:
             evidence_s = now_s
         elif not evidence_s <= now_s:
             raise ValueError(
-                f"evidence for {subject}.{model.name} was taken at {now_s} at the latest, not {evidence_s}"
+                f"evidence for {subject}.{model.name} was taken at {now_s} at the latest, not at {evidence_s}"
             )
         if history is None:
             history = History()
