@@ -173,6 +173,7 @@ class TaskModel:
         acknowledge_s: how long a request may go unacknowledged.
         finish_s: how long an acknowledged task may take.
         results: with which it can finish.
+        attributes: of its node, such as the goal of a drive; its requesters write them unless they name their sources.
     """
 
     name: str
@@ -182,6 +183,7 @@ class TaskModel:
     results: tuple[str, ...]
     acknowledge_s: float = math.inf
     finish_s: float = math.inf
+    attributes: tuple[AttributeModel, ...] = ()
     label: str = ""
 
 

@@ -11,6 +11,7 @@ is the end of a stage by the clock, whether or not anybody is still there to kee
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from codra_dsl.runtime.knowledge.declarations import TaskModel, by
 from codra_dsl.runtime.knowledge.draft import Draft
@@ -28,8 +29,8 @@ class ConflictError(RuntimeError):
     """A step of a handshake that cannot be taken from where the task stands."""
 
 
-def request(words: Words, draft: Draft, task: str) -> Request:
-    """Ask for a task: it waits for its executor to acknowledge."""
+def request(words: Words, draft: Draft, task: str, values: Mapping[str, object]) -> Request:
+    """Ask for a task, with values of what its requesters write: it waits for its executor to acknowledge."""
     model = _model(words, task)
     Rights(by(*model.requesters)).check(draft.agent, f"a request of {task}")
     before = _now(words, draft, model)
@@ -40,6 +41,8 @@ def request(words: Words, draft: Draft, task: str) -> Request:
         )
     after = Handover(task, Stage.WANTS, before.number + 1, draft.agent, draft.now_s, draft.now_s + model.acknowledge_s)
     _write(words, draft, model, before, after)
+    for attribute, value in values.items():
+        draft.set(task, attribute, value, None)
     return after.request
 
 

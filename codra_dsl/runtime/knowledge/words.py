@@ -15,6 +15,7 @@ from codra_dsl.runtime.knowledge.declarations import (
     NodeModel,
     NodeTypeModel,
     TaskModel,
+    by,
 )
 from codra_dsl.runtime.knowledge.elements import Edge, Node
 from codra_dsl.runtime.knowledge.rights import Rights
@@ -88,7 +89,7 @@ class Words:
         _check_unique("type of edges", [each.name for each in edge_types])
         self._node_types = {each.name: _node_type(each) for each in node_types}
         self._edge_types = {each.name: _edge_type(each) for each in edge_types}
-        of_tasks = {task.name: (TASK, _attributes(_attributes_of(task))) for task in model.tasks}
+        of_tasks = {task.name: (TASK, _attributes_of(task)) for task in model.tasks}
         self._of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
             **{node.name: (node.type, self._of_node(node.type, node.attributes)) for node in model.nodes},
             **of_tasks,
@@ -167,14 +168,16 @@ def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
     return {model.name: Attribute(model, Rights(model.sources)) for model in models}
 
 
-def _attributes_of(task: TaskModel) -> tuple[AttributeModel, ...]:
-    """Return what the node of a task tells of it; only the steps of its handshake write it."""
-    return (
+def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
+    """Return what the node of a task tells: what only the steps of its handshake write, and what its requesters do."""
+    steps = (
         AttributeModel(name="request", type=integer(low=0)),
         AttributeModel(name="requester", type=text()),
         AttributeModel(name="result", type=member(*task.results)),
         AttributeModel(name="reason", type=text()),
     )
+    asked = {each.name: Attribute(each, Rights(each.sources or by(*task.requesters))) for each in task.attributes}
+    return {**asked, **_attributes(steps)}
 
 
 def _agents(model: KnowledgeModel) -> Iterable[str]:
@@ -182,7 +185,7 @@ def _agents(model: KnowledgeModel) -> Iterable[str]:
     for task in model.tasks:
         yield from (task.by, *task.requesters)
     types: list[NodeTypeModel | EdgeTypeModel] = [*model.node_types, *model.edge_types]
-    owners: list[NodeTypeModel | EdgeTypeModel | NodeModel] = [*types, *model.nodes]
+    owners: list[NodeTypeModel | EdgeTypeModel | NodeModel | TaskModel] = [*types, *model.nodes, *model.tasks]
     owned = [*types, *(attribute for owner in owners for attribute in owner.attributes)]
     yield from (writer.agent for each in owned for writer in each.sources)
 

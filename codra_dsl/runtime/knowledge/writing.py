@@ -99,13 +99,13 @@ class Writer(ABC):
 
     # Tasks (P2, section 3.2)
 
-    def request(self, task: str) -> Request:
-        """Ask for a task; its executor is to acknowledge.
+    def request(self, task: str, /, **values: object) -> Request:
+        """Ask for a task, with values of attributes such as its goal; its executor is to acknowledge.
 
         Raises:
             ConflictError: if it was asked for and has not ended.
         """
-        return self._apply(lambda draft: handshake.request(self._words, draft, task))
+        return self._apply(lambda draft: handshake.request(self._words, draft, task, values))
 
     def acknowledge(self, request: Request) -> None:
         """Say, as its executor, that a task has begun.

@@ -90,20 +90,30 @@ EDGE_TYPES = (
 _DECIDER, _PICKING = "decision_maker", "picking"
 
 
-def _task(name: str, by_agent: str, *requesters: str, results: tuple[str, ...] = ("ok", "failed")) -> TaskModel:
+GOAL = tuple(AttributeModel(name=f"goal_{axis}", type=real(unit="m")) for axis in ("x", "y"))
+
+
+def _task(
+    name: str,
+    by_agent: str,
+    *requesters: str,
+    results: tuple[str, ...] = ("ok", "failed"),
+    attributes: tuple[AttributeModel, ...] = (),
+) -> TaskModel:
     return TaskModel(
         name=name,
         origin="robot",
         by=by_agent,
         requesters=requesters,
         results=results,
+        attributes=attributes,
         acknowledge_s=1.0,
         finish_s=60.0,
     )
 
 
 TASKS = (
-    _task("navigating", "navigation", _DECIDER, _PICKING),
+    _task("navigating", "navigation", _DECIDER, _PICKING, attributes=GOAL),
     _task("detecting", "container_detection", _DECIDER, _PICKING, results=("ok", "lost")),
     _task("picking_up", _PICKING, _DECIDER),
     _task("rotating", "navigation", _PICKING),
