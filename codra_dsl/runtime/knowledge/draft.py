@@ -48,7 +48,6 @@ class Draft:
         "_links",
         "_next_number",
         "_nodes",
-        "_of_edge_type",
         "_of_type",
         "_version",
         "_words",
@@ -67,7 +66,6 @@ class Draft:
             self._edges,
             self._links,
             self._of_type,
-            self._of_edge_type,
             self._frames,
             self._handovers,
             self._gone,
@@ -86,7 +84,6 @@ class Draft:
             self._edges,
             self._links,
             self._of_type,
-            self._of_edge_type,
             self._frames,
             self._handovers,
             self._gone,
@@ -358,8 +355,6 @@ class Draft:
         self._links = self._links.with_entry(origin, Links(out.with_entry(key, None), into))
         out, into = self._links.get(target, NO_LINKS)
         self._links = self._links.with_entry(target, Links(out, into.with_entry(key, None)))
-        same = self._of_edge_type.get(type_name) or PersistentMap()
-        self._of_edge_type = self._of_edge_type.with_entry(type_name, same.with_entry(key, None))
         self.touched.add(("edge", type_name))
 
     def _remove_edge(self, edge: Edge) -> None:
@@ -377,7 +372,6 @@ class Draft:
         self._links = self._links.with_entry(edge.origin, Links(out.without(key), into))
         out, into = self._links[edge.target]
         self._links = self._links.with_entry(edge.target, Links(out, into.without(key)))
-        self._of_edge_type = self._of_edge_type.with_entry(edge.type, self._of_edge_type[edge.type].without(key))
         self.touched.add(("edge", edge.type))
 
     # Tasks

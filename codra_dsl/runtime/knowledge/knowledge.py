@@ -178,8 +178,7 @@ class Knowledge:
         if draft.touched:
             for instant_s, handover in draft.deadlines:
                 self._clock.call_at(instant_s, partial(self._expire, handover.task))
-            if self._watches:
-                self._watches.changed(draft.touched)
+            self._watches.changed(draft.touched)
             self._clock.notify()
         return result
 

@@ -258,7 +258,10 @@ class Snapshot:
             return self.keys_to(target)
         if types is None:
             return self._state.edges
-        return (key for name in types for key in self._state.of_edge_type.get(name) or ())
+        ends = frozenset[str]().union(*(self._words.edge_type(name).origins for name in types))
+        of_type = self._state.of_type
+        origins = dict.fromkeys(node for end in ends for node in (end, *(of_type.get(end) or ())))
+        return (key for node in origins for key in self.keys_from(node))
 
     def _standing(self, target: str, source: str) -> Transform | None:
         try:

@@ -64,7 +64,6 @@ class State(NamedTuple):
         edges: by origin, label and target.
         links: the edges of each node that ever had one, by its name.
         of_type: the names of nodes, by their type.
-        of_edge_type: the keys of edges, by their type.
         frames: where nodes stand.
         handovers: how far tasks are, by name.
         gone: when nodes were deleted whose poses are still told, by name.
@@ -76,7 +75,6 @@ class State(NamedTuple):
     edges: PersistentMap[EdgeKey, Edge] = PersistentMap()
     links: PersistentMap[str, Links] = PersistentMap()
     of_type: PersistentMap[str, PersistentMap[str, None]] = PersistentMap()
-    of_edge_type: PersistentMap[str, PersistentMap[EdgeKey, None]] = PersistentMap()
     frames: Frames = Frames()
     handovers: Mapping[str, Handover] = MappingProxyType({})
     gone: Mapping[str, float] = MappingProxyType({})

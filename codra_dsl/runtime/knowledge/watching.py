@@ -121,9 +121,6 @@ class Watches:
         self._of: dict[Touched, tuple[Watch[Any], ...]] = {}
         self._lock = threading.Lock()
 
-    def __bool__(self) -> bool:
-        return bool(self._of)
-
     def add(self, watch: Watch[Any], touched: Iterable[Touched]) -> None:
         """Let a watch look whenever something of this is touched."""
         with self._lock:
@@ -143,6 +140,8 @@ class Watches:
     def changed(self, touched: Iterable[Touched]) -> None:
         """Let all look for whom something may be different."""
         of = self._of
+        if not of:
+            return
         woken: dict[Watch[Any], None] = {}
         for kind, name in touched:
             for key in ((kind, name), (kind, ANY), (ANY, name)):

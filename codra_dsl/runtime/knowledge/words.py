@@ -62,7 +62,9 @@ class EdgeType:
 
     def fits(self, origin: Node, target: Node) -> bool:
         """Return whether there may be such an edge from one node to another."""
-        return bool(self.origins & {origin.type, origin.name}) and bool(self.targets & {target.type, target.name})
+        return (origin.type in self.origins or origin.name in self.origins) and (
+            target.type in self.targets or target.name in self.targets
+        )
 
 
 class Words:
