@@ -13,12 +13,14 @@ from pathlib import Path
 
 import compiling
 import isolation
+import knowledge
 import running
 from rows import Row
 
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "compiling": compiling.rows,
     "isolation": isolation.rows,
+    "knowledge": knowledge.rows,
     **running.GROUPS,
 }
 """What measures each group of rows, given a scratch folder."""

@@ -1,0 +1,206 @@
+"""Rigid motions, SE(3): a rotation and then a translation. Lengths are in metres, angles in radians.
+
+Rotations are unit quaternions (w, x, y, z), Hamilton's, acting on column vectors: the same as the 4 x 4 matrices that
+P2 multiplies along RT edges, with less to compute and nothing that drifts out of SO(3) unnoticed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+NO_TRANSLATION: Vector = (0.0, 0.0, 0.0)
+NO_ROTATION: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+_NEARLY_PARALLEL = 1.0 - 1e-9
+"""Cosine beyond which slerp's sine divides by next to nothing, and the straight line is as good."""
+
+_SMALLEST_NORM = 1e-9
+_ORTHONORMAL = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where one frame stands in another: p_outer = R(rotation) p_inner + translation.
+
+    Attributes:
+        translation_m: of the inner frame's origin, in the outer frame.
+        rotation: a unit quaternion (w, x, y, z), from the inner to the outer frame's axes.
+    """
+
+    translation_m: Vector = NO_TRANSLATION
+    rotation: Quaternion = NO_ROTATION
+
+    @classmethod
+    def of(cls, translation_m: Sequence[float] = NO_TRANSLATION, rotation: Sequence[float] = NO_ROTATION) -> Pose:
+        """Return a pose of checked numbers; the quaternion is made a unit one.
+
+        Raises:
+            ValueError: if there are not 3 and 4 finite numbers, or the quaternion is next to zero.
+        """
+        x, y, z = _finite(translation_m, 3, "a translation")
+        w, i, j, k = _finite(rotation, 4, "a quaternion")
+        return cls((x, y, z), _unit((w, i, j, k)))
+
+    @classmethod
+    def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
+        """Return the pose that turns about an axis, by the right hand, and then moves.
+
+        Raises:
+            ValueError: if the axis is next to zero, or a number is not finite.
+        """
+        direction = _finite(axis, 3, "an axis")
+        length = math.hypot(*direction)
+        if length < _SMALLEST_NORM:
+            raise ValueError("an axis has a direction: not all of its numbers are 0")
+        half_rad, scale = angle_rad / 2.0, math.sin(angle_rad / 2.0) / length
+        return cls.of(translation_m, (math.cos(half_rad), *(scale * each for each in direction)))
+
+    @classmethod
+    def from_matrix(cls, matrix: Sequence[Sequence[float]]) -> Pose:
+        """Return the pose of a homogeneous 4 x 4 matrix.
+
+        Raises:
+            ValueError: if it is none of SE(3).
+        """
+        rows = [_finite(row, 4, "a row of the matrix") for row in matrix]
+        if len(rows) != 4 or not _is_rigid(rows):
+            raise ValueError("a rigid motion is a 4 x 4 matrix: a rotation, a translation, and 0 0 0 1 in the last row")
+        return cls.of([row[3] for row in rows[:3]], _quaternion_of(rows))
+
+    def matrix(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Return the homogeneous 4 x 4 matrix, row by row."""
+        w, x, y, z = self.rotation
+        tx, ty, tz = self.translation_m
+        return (
+            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y), tx),
+            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x), ty),
+            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y), tz),
+            (0.0, 0.0, 0.0, 1.0),
+        )
+
+    def __matmul__(self, inner: Pose) -> Pose:
+        """Return where what stands at `inner` in this frame stands outside of it."""
+        ix, iy, iz = _turned(self.rotation, inner.translation_m)
+        tx, ty, tz = self.translation_m
+        return Pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
+
+    def inverse(self) -> Pose:
+        """Return where the outer frame stands in the inner one."""
+        w, x, y, z = self.rotation
+        back = (w, -x, -y, -z)
+        tx, ty, tz = _turned(back, self.translation_m)
+        return Pose((-tx, -ty, -tz), back)
+
+    def apply(self, point_m: Vector) -> Vector:
+        """Return in the outer frame a point that is given in the inner one."""
+        x, y, z = _turned(self.rotation, point_m)
+        tx, ty, tz = self.translation_m
+        return (tx + x, ty + y, tz + z)
+
+    def towards(self, other: Pose, share: float) -> Pose:
+        """Return the pose at a share of the way to another: straight, and by the shortest turn at a constant rate.
+
+        Args:
+            other: where the way leads.
+            share: 0 is this pose, 1 the other; below and beyond, the same motion goes on.
+        """
+        a, b = self.translation_m, other.translation_m
+        moved = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
+        return Pose(moved, _slerp(self.rotation, other.rotation, share))
+
+    def distance_m(self, other: Pose) -> float:
+        """Return how far apart two origins are."""
+        return math.dist(self.translation_m, other.translation_m)
+
+    def angle_rad(self, other: Pose) -> float:
+        """Return the smallest turn between two rotations, from 0 to pi."""
+        w, x, y, z = _product(Pose((0.0, 0.0, 0.0), self.rotation).inverse().rotation, other.rotation)
+        return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))
+
+
+IDENTITY = Pose()
+
+
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def _turned(by: Quaternion, v: Vector) -> Vector:
+    """Return a vector turned by a unit quaternion: v + 2 w (u x v) + 2 u x (u x v)."""
+    w, x, y, z = by
+    vx, vy, vz = v
+    cx, cy, cz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return (vx + w * cx + y * cz - z * cy, vy + w * cy + z * cx - x * cz, vz + w * cz + x * cy - y * cx)
+
+
+def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one on the shorter way
+    cosine = abs(cosine)
+    if cosine > _NEARLY_PARALLEL:
+        of_a, of_b = 1.0 - share, share
+    else:
+        angle_rad = math.acos(cosine)
+        sine = math.sin(angle_rad)
+        of_a, of_b = math.sin((1.0 - share) * angle_rad) / sine, math.sin(share * angle_rad) / sine
+    of_b *= sign
+    return _unit(
+        (
+            of_a * a[0] + of_b * b[0],
+            of_a * a[1] + of_b * b[1],
+            of_a * a[2] + of_b * b[2],
+            of_a * a[3] + of_b * b[3],
+        )
+    )
+
+
+def _unit(quaternion: Quaternion) -> Quaternion:
+    w, x, y, z = quaternion
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if not norm > _SMALLEST_NORM:
+        raise ValueError("a quaternion of a rotation is not zero")
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def _finite(numbers: Sequence[float], count: int, what: str) -> list[float]:
+    found = [float(each) for each in numbers]
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
+    return found
+
+
+def _is_rigid(rows: list[list[float]]) -> bool:
+    a, b, c = zip(*(row[:3] for row in rows[:3]), strict=True)
+    lengths = [_dot(a, a) - 1.0, _dot(b, b) - 1.0, _dot(c, c) - 1.0]
+    is_orthonormal = max(map(abs, (*lengths, _dot(a, b), _dot(b, c), _dot(c, a)))) < _ORTHONORMAL
+    across = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    is_right_handed = _dot(across, c) > 0.0
+    return is_orthonormal and is_right_handed and rows[3] == [0.0, 0.0, 0.0, 1.0]
+
+
+def _quaternion_of(rows: list[list[float]]) -> Quaternion:
+    """Return the quaternion of a rotation matrix, divided by its largest part, so that nothing cancels out."""
+    (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows[:3]
+    candidates = (
+        (1 + a + e + i, h - f, c - g, d - b),
+        (h - f, 1 + a - e - i, b + d, c + g),
+        (c - g, b + d, 1 - a + e - i, f + h),
+        (d - b, c + g, f + h, 1 - a - e + i),
+    )
+    return max(candidates, key=lambda each: _dot(each, each))
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return sum(x * y for x, y in zip(a, b, strict=True))

@@ -1,0 +1,387 @@
+"""Changes of a graph, made on a draft that nobody sees until it is whole. Each is checked against the declarations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.geometry import Outcome, Pose
+from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
+from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, NO_LINKS, Edge, EdgeKey, History, Links, Node
+from codra_dsl.runtime.knowledge.state import Handover, State
+from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
+from codra_dsl.runtime.model import NotOfTypeError
+from codra_dsl.runtime.persistent import PersistentMap
+
+_GONE_S = 10.0
+"""How long the poses of a deleted node are told, if its edge did not declare how far back they are."""
+
+Touched = tuple[str, str]
+"""What a change touched: `node`, `edge` or `frame` and a type or a name; or the name of a node and its attribute."""
+
+
+class AbsentError(LookupError):
+    """There is no such node or edge in the graph."""
+
+
+class PresentError(ValueError):
+    """There is such a node in the graph already."""
+
+
+class Draft:
+    """A state that is being changed by one agent at one instant.
+
+    Attributes:
+        agent: who changes it.
+        now_s: when.
+        touched: what was changed.
+        deadlines: of tasks, which the change set: when, and of what.
+    """
+
+    __slots__ = (
+        "_edges",
+        "_frames",
+        "_gone",
+        "_handovers",
+        "_links",
+        "_next_number",
+        "_nodes",
+        "_of_type",
+        "_version",
+        "_words",
+        "agent",
+        "deadlines",
+        "now_s",
+        "touched",
+    )
+
+    def __init__(self, words: Words, state: State, now_s: float, agent: str) -> None:
+        self._words = words
+        (
+            self._version,
+            self._next_number,
+            self._nodes,
+            self._edges,
+            self._links,
+            self._of_type,
+            self._frames,
+            self._handovers,
+            self._gone,
+        ) = state
+        self.agent = agent
+        self.now_s = now_s
+        self.touched: set[Touched] = set()
+        self.deadlines: list[tuple[float, Handover]] = []
+
+    def state(self) -> State:
+        """Return the state that the changes make."""
+        return State(
+            self._version + 1,
+            self._next_number,
+            self._nodes,
+            self._edges,
+            self._links,
+            self._of_type,
+            self._frames,
+            self._handovers,
+            self._gone,
+        )
+
+    def is_of(self, state: State) -> bool:
+        """Return whether the draft began as a state."""
+        return self._version == state.version
+
+    def take(self, other: Draft) -> None:
+        """Take over what another draft, which began as the same state, has become."""
+        for name in Draft.__slots__:
+            setattr(self, name, getattr(other, name))
+
+    # Nodes
+
+    def insert_node(self, name: str, type_name: str, values: Mapping[str, object]) -> None:
+        """Insert a node."""
+        node_type = self._words.node_type(type_name)
+        node_type.rights.check(self.agent, "nodes of type ", type_name)
+        if not isinstance(name, str) or not name:
+            raise ValueError(f"a node has a name, not {name!r}")
+        if name in self._nodes:
+            raise PresentError(f"there is a node {name!r} already")
+        number = self._next_number
+        self._next_number = number + 1
+        self._nodes = self._nodes.with_entry(name, Node(name, type_name, number, NO_HISTORIES, self.agent, self.now_s))
+        same = self._of_type.get(type_name) or PersistentMap()
+        self._of_type = self._of_type.with_entry(type_name, same.with_entry(name, None))
+        self.touched.add(("node", type_name))
+        for attribute, value in values.items():
+            self.set(name, attribute, value, None)
+
+    def delete_node(self, name: str) -> None:
+        """Delete a node and all edges to and from it; its poses are told as far back as they are kept."""
+        node = self.node(name)
+        rights = self._words.node_type(node.type).rights
+        rights.check(self.agent, "nodes of type ", node.type)
+        if rights.is_ranked:
+            rights.check_rank(self.agent, node.writer, name)
+        links = self._links.get(name, NO_LINKS)
+        for key in sorted([*links.out, *links.into]):
+            if key in self._edges:  # one to itself is among both
+                self._remove_edge(self._edges[key])
+        self._nodes = self._nodes.without(name)
+        self._links = self._links.without(name)
+        self._of_type = self._of_type.with_entry(node.type, self._of_type[node.type].without(name))
+        if name in self._frames:
+            self._end_frame(name)
+        self.touched.add(("node", node.type))
+        self.touched.update((name, attribute) for attribute in node.histories)
+
+    def has_node(self, name: str) -> bool:
+        """Return whether there is a node in the draft."""
+        return name in self._nodes
+
+    def node(self, name: str) -> Node:
+        """Return a node as it is in the draft."""
+        found = self._nodes.get(name)
+        if found is None:
+            raise AbsentError(f"there is no node {name!r}")
+        return found
+
+    def set(self, name: str, attribute: str, value: object, evidence_s: float | None) -> None:
+        """Write an attribute of a node."""
+        node = self.node(name)
+        declared = self._words.attribute(node, attribute)
+        declared.rights.check(self.agent, name, ".", attribute)
+        self.write(node, declared, value, evidence_s)
+
+    def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
+        """Write an attribute of a node, whoever may."""
+        attribute = declared.model.name
+        history = self._written(node.histories.get(attribute), declared, node.name, value, evidence_s)
+        histories = {**node.histories, attribute: history}
+        name, type_name, number, _, writer, since_s = node
+        self._nodes = self._nodes.with_entry(name, Node(name, type_name, number, histories, writer, since_s))
+        self.touched.add((name, attribute))
+
+    # Edges
+
+    def insert_edge(self, origin: str, type_name: str, target: str, values: Mapping[str, object]) -> None:
+        """Insert an edge that is a symbol, or write attributes of the one that is there."""
+        edge_type = self._words.edge_type(type_name)
+        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        if edge_type.model.motion is not None:
+            raise ValueError(f"an edge of type {type_name!r} has a pose: place {target!r} in {origin!r}")
+        self.draw(edge_type, origin, target)
+        for attribute, value in values.items():
+            self.set_of_edge(origin, type_name, target, attribute, value, None)
+
+    def draw(self, edge_type: EdgeType, origin: str, target: str) -> None:
+        """Insert an edge, whoever may, or say of the one that is there who wrote it last."""
+        label, type_name = edge_type.label, edge_type.model.name
+        key = (origin, label, target)
+        known = self._edges.get(key)
+        if known is not None and known.type == type_name:
+            if known.writer != self.agent:
+                if edge_type.rights.is_ranked:
+                    edge_type.rights.check_rank(self.agent, known.writer, str(known))
+                self._edges = self._edges.with_entry(key, known._replace(writer=self.agent))
+                self.touched.add(("edge", type_name))
+            return
+        start, end = self.node(origin), self.node(target)
+        if not edge_type.fits(start, end):
+            raise NotOfTypeError(
+                f"an edge of type {type_name!r} goes from {' or '.join(edge_type.model.origins)} to "
+                f"{' or '.join(edge_type.model.targets)}, not from {start.type} {origin!r} to {end.type} {target!r}"
+            )
+        if known is not None:
+            self._remove_edge(known)
+        number = self._next_number
+        self._next_number = number + 1
+        self._add_edge(Edge(origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s))
+
+    def delete_edge(self, origin: str, type_name: str, target: str) -> None:
+        """Delete an edge; a node that had a pose by it stands nowhere from now on."""
+        edge_type = self._words.edge_type(type_name)
+        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        edge = self.edge(origin, type_name, target)
+        if edge_type.rights.is_ranked:
+            edge_type.rights.check_rank(self.agent, edge.writer, str(edge))
+        self._remove_edge(edge)
+
+    def edge(self, origin: str, type_name: str, target: str) -> Edge:
+        """Return an edge as it is in the draft."""
+        found = self._edges.get((origin, self._words.edge_type(type_name).label, target))
+        if found is None or found.type != type_name:
+            raise AbsentError(f"there is no edge {origin} -{type_name}-> {target}")
+        return found
+
+    def set_of_edge(  # noqa: PLR0917 - the three that name an edge, and what `set` takes
+        self, origin: str, type_name: str, target: str, attribute: str, value: object, evidence_s: float | None
+    ) -> None:
+        """Write an attribute of an edge."""
+        edge = self.edge(origin, type_name, target)
+        declared = self._words.attribute_of_edge(edge, attribute)
+        declared.rights.check(self.agent, str(edge), ".", attribute)
+        history = self._written(edge.histories.get(attribute), declared, str(edge), value, evidence_s)
+        self._edges = self._edges.with_entry(edge.key, edge._replace(histories={**edge.histories, attribute: history}))
+        self.touched.add(("edge", type_name))
+
+    def remove(self, key: EdgeKey) -> None:
+        """Remove an edge, if it is there, whoever may."""
+        if key in self._edges:
+            self._remove_edge(self._edges[key])
+
+    def begin_edge(self, model: EdgeModel) -> None:
+        """Insert an edge that is there from the start; a pose holds from then on."""
+        if self._words.edge_type(model.type).model.motion is None:
+            self.insert_edge(model.origin, model.type, model.target, model.values)
+            return
+        self.place(model.origin, model.type, model.target, model.pose, None)
+        for attribute, value in model.values.items():
+            self.set_of_edge(model.origin, model.type, model.target, attribute, value, None)
+
+    # Geometry
+
+    def place(self, origin: str, type_name: str, target: str, pose: Pose, stamp_s: float | None) -> None:
+        """Say where a node stands in another, from an instant on."""
+        edge_type = self._words.edge_type(type_name)
+        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        motion = edge_type.model.motion
+        if motion is None:
+            raise ValueError(f"an edge of type {type_name!r} is a symbol and has no pose")
+        stamp_s = self.now_s if stamp_s is None else float(stamp_s)
+        if not stamp_s <= self.now_s:
+            raise ValueError(f"a pose of {target!r} was measured at {self.now_s} at the latest, not at {stamp_s}")
+        before = self._parent_edge(target)
+        if before is not None and before.writer != self.agent and edge_type.rights.is_ranked:
+            self._check_rank_of_pose(edge_type, before)
+        if before is None or before.origin != origin or before.type != type_name or before.writer != self.agent:
+            self._place_anew(edge_type, origin, target, pose, stamp_s, before)
+        else:
+            self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
+        self.touched.add(("frame", target))
+
+    def _place_anew(  # noqa: PLR0917 - what `place` was given
+        self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, before: Edge | None
+    ) -> None:
+        """Say where a node stands, on another edge than before unless the pose is older than those of that edge."""
+        motion = edge_type.model.motion
+        if motion is None or not edge_type.fits(self.node(origin), self.node(target)):
+            self.draw(edge_type, origin, target)  # which tells what does not fit
+            return
+        self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
+        if self._frames.track(target).newest_s > stamp_s:
+            return
+        if before is not None and (before.origin != origin or before.type != edge_type.model.name):
+            self._detach(before)
+        self.draw(edge_type, origin, target)
+
+    def _check_rank_of_pose(self, edge_type: EdgeType, before: Edge) -> None:
+        standing = self._frames.track(before.target).at(self.now_s)
+        if standing is not None and standing.outcome is not Outcome.STALE:
+            edge_type.rights.check_rank(self.agent, before.writer, str(before))
+
+    def _parent_edge(self, target: str) -> Edge | None:
+        """Return the edge on which a node stands now."""
+        if target not in self._frames:
+            return None
+        parent = self._frames.track(target).parent
+        return None if parent is None else self._edges.get((parent, RT, target))
+
+    def _end_frame(self, name: str) -> None:
+        """Let a node that is deleted stand nowhere from now on."""
+        track = self._frames.track(name)
+        if not len(track):
+            self._frames = self._frames.without(name)
+            return
+        self._frames = self._frames.without_parent(name, max(self.now_s, track.newest_s))
+        self._gone = {**self._still_told(), name: self.now_s}
+
+    def _still_told(self) -> Mapping[str, float]:
+        """Forget the poses of nodes that were deleted too long ago; return the others and when they were."""
+        told: dict[str, float] = {}
+        for name, gone_s in self._gone.items():
+            if name in self._nodes:
+                continue
+            history_s = self._frames.track(name).motion.history_s
+            if gone_s < self.now_s - (history_s if history_s < math.inf else _GONE_S):
+                self._frames = self._frames.without(name)
+            else:
+                told[name] = gone_s
+        return told
+
+    # Within
+
+    def _written(
+        self, history: History | None, declared: Attribute, subject: str, value: object, evidence_s: float | None
+    ) -> History:
+        """Return the history of an attribute with what is written now; None and NaN are unknown."""
+        model, now_s = declared.model, self.now_s
+        try:
+            content = None if value is None else model.type.convert(value)
+        except NotOfTypeError as error:
+            raise NotOfTypeError(f"{subject}.{model.name}: {error}") from None
+        if evidence_s is None:
+            evidence_s = now_s
+        elif not evidence_s <= now_s:
+            raise ValueError(
+                f"evidence for {subject}.{model.name} was taken at {now_s} at the latest, not at {evidence_s}"
+            )
+        if history is None:
+            history = History()
+        elif declared.rights.is_ranked and self.agent != history.present.source and history.present.at(now_s).known:
+            declared.rights.check_rank(self.agent, history.present.source, f"{subject}.{model.name}")
+        return history.with_reading(self._reading(declared, subject, content, float(evidence_s)), model.history)
+
+    def _reading(self, declared: Attribute, subject: str, content: Value | None, evidence_s: float) -> Reading[Value]:
+        name, now_s = f"{subject}.{declared.model.name}", self.now_s
+        if content is None:
+            return Reading(
+                name=name,
+                reason=Reason.REJECTED,
+                evidence_s=evidence_s,
+                start_s=evidence_s,
+                identified_s=now_s,
+                source=self.agent,
+            )
+        expires_s = evidence_s + declared.model.valid_for_s
+        return known_reading(name, content, evidence_s, evidence_s, now_s, expires_s, self.agent)
+
+    def _add_edge(self, edge: Edge) -> None:
+        origin, label, target, type_name, *_ = edge
+        key = (origin, label, target)
+        self._edges = self._edges.with_entry(key, edge)
+        out, into = self._links.get(origin, NO_LINKS)
+        self._links = self._links.with_entry(origin, Links(out.with_entry(key, None), into))
+        out, into = self._links.get(target, NO_LINKS)
+        self._links = self._links.with_entry(target, Links(out, into.with_entry(key, None)))
+        self.touched.add(("edge", type_name))
+
+    def _remove_edge(self, edge: Edge) -> None:
+        if self._words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
+            newest_s = self._frames.track(edge.target).newest_s
+            self._frames = self._frames.without_parent(edge.target, max(self.now_s, newest_s))
+            self.touched.add(("frame", edge.target))
+        self._detach(edge)
+
+    def _detach(self, edge: Edge) -> None:
+        """Take an edge out of the graph; where its target stood it did stand."""
+        key = edge.key
+        self._edges = self._edges.without(key)
+        out, into = self._links[edge.origin]
+        self._links = self._links.with_entry(edge.origin, Links(out.without(key), into))
+        out, into = self._links[edge.target]
+        self._links = self._links.with_entry(edge.target, Links(out, into.without(key)))
+        self.touched.add(("edge", edge.type))
+
+    # Tasks
+
+    def handover(self, name: str) -> Handover:
+        """Return how far a task is in the draft."""
+        return self._handovers.get(name) or Handover(name)
+
+    def hand_over(self, handover: Handover) -> None:
+        """Say how far a task is."""
+        self._handovers = {**self._handovers, handover.task: handover}
+        if handover.is_open and handover.deadline_s < math.inf:
+            self.deadlines.append((handover.deadline_s, handover))

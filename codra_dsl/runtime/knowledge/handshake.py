@@ -1,0 +1,137 @@
+"""The handshake by which agents hand over tasks on edges of the graph (P2, section 3.2 and Figure 2).
+
+    nobody asked ─request─> wants ─acknowledge─> is ─finish─> finished
+                              └──────abort────────┴──deadline──> aborted
+
+The requester draws `wants` (P2's `starts`) and may abort; the executor acknowledges, P2's ACK, by turning it into `is`,
+and finishes with a result. Each step names the request that it is about, so that nobody answers another's. A deadline
+is the end of a stage by the clock, whether or not anybody is still there to keep it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from codra_dsl.runtime.knowledge.declarations import TaskModel, by
+from codra_dsl.runtime.knowledge.draft import Draft
+from codra_dsl.runtime.knowledge.rights import START, Rights
+from codra_dsl.runtime.knowledge.state import Handover, Request
+from codra_dsl.runtime.knowledge.words import Stage, Words
+from codra_dsl.runtime.names import unknown
+
+REQUESTER = "requester"
+UNACKNOWLEDGED = "unacknowledged"
+OVERDUE = "overdue"
+
+
+class ConflictError(RuntimeError):
+    """A step of a handshake that cannot be taken from where the task stands."""
+
+
+def request(words: Words, draft: Draft, task: str, values: Mapping[str, object]) -> Request:
+    """Ask for a task, with values of what its requesters write: it waits for its executor to acknowledge."""
+    model = _model(words, task)
+    Rights(by(*model.requesters)).check(draft.agent, f"a request of {task}")
+    before = _now(words, draft, model)
+    if before.is_open:
+        raise ConflictError(
+            f"{task!r} was asked for by {before.requester!r} already (request {before.number}, {before.stage}): "
+            "it can be asked for again when it has ended"
+        )
+    after = Handover(task, Stage.WANTS, before.number + 1, draft.agent, draft.now_s, draft.now_s + model.acknowledge_s)
+    _write(words, draft, model, before, after)
+    for attribute, value in values.items():
+        draft.set(task, attribute, value, None)
+    return after.request
+
+
+def acknowledge(words: Words, draft: Draft, asked: Request) -> None:
+    """Say, as the executor, that the task has begun."""
+    model = _model(words, asked.task)
+    Rights(by(model.by)).check(draft.agent, f"the acknowledgement of {asked.task}")
+    before = _at(words, draft, asked, Stage.WANTS)
+    after = before._replace(stage=Stage.IS, since_s=draft.now_s, deadline_s=draft.now_s + model.finish_s)
+    _write(words, draft, model, before, after)
+
+
+def finish(words: Words, draft: Draft, asked: Request, result: str) -> None:
+    """End the task, as the executor, with one of its results."""
+    model = _model(words, asked.task)
+    Rights(by(model.by)).check(draft.agent, f"the result of {asked.task}")
+    if result not in model.results:
+        raise unknown(f"result of {asked.task!r}", result, model.results)
+    before = _at(words, draft, asked, Stage.IS)
+    after = before._replace(stage=Stage.FINISHED, since_s=draft.now_s, deadline_s=math.inf, result=str(result))
+    _write(words, draft, model, before, after)
+
+
+def abort(words: Words, draft: Draft, asked: Request) -> None:
+    """End the task, as who asked for it, before it has finished."""
+    model = _model(words, asked.task)
+    Rights(by(*model.requesters)).check(draft.agent, f"the abortion of {asked.task}")
+    before = _at(words, draft, asked, Stage.WANTS, Stage.IS)
+    Rights(by(before.requester)).check(draft.agent, f"the abortion of request {asked.number} of {asked.task}")
+    _write(words, draft, model, before, _aborted(before, draft.now_s, REQUESTER))
+
+
+def expire(words: Words, draft: Draft, task: str) -> None:
+    """End a task whose deadline has passed; harmless for any other."""
+    _now(words, draft, _model(words, task))
+
+
+def _model(words: Words, task: str) -> TaskModel:
+    if task not in words.tasks:
+        raise unknown("task", task, words.tasks)
+    return words.tasks[task]
+
+
+def _now(words: Words, draft: Draft, model: TaskModel) -> Handover:
+    """Return how far a task is: one whose deadline has passed has ended, though the clock has not said so yet."""
+    handover = draft.handover(model.name)
+    if not handover.is_open or draft.now_s < handover.deadline_s:
+        return handover
+    reason = UNACKNOWLEDGED if handover.stage is Stage.WANTS else OVERDUE
+    ended = _aborted(handover, handover.deadline_s, reason)
+    agent, draft.agent = draft.agent, START
+    try:
+        _write(words, draft, model, handover, ended)
+    finally:
+        draft.agent = agent
+    return ended
+
+
+def _at(words: Words, draft: Draft, asked: Request, *stages: Stage) -> Handover:
+    """Return how far the task of a request is, if that is one of some stages."""
+    handover = _now(words, draft, _model(words, asked.task))
+    if handover.request == asked and handover.stage in stages:
+        return handover
+    if handover.request != asked:
+        raise ConflictError(
+            f"request {asked.number} of {asked.task!r} is not the present one: that is {handover.number}"
+        )
+    because = f" ({handover.reason})" if handover.reason else ""
+    raise ConflictError(f"request {asked.number} of {asked.task!r} is {handover.stage} by now{because}")
+
+
+def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
+    return handover._replace(stage=Stage.ABORTED, since_s=instant_s, deadline_s=math.inf, reason=reason)
+
+
+def _write(words: Words, draft: Draft, model: TaskModel, before: Handover, after: Handover) -> None:
+    """Write how far a task is: its edge, and the attributes of its node."""
+    draft.hand_over(after)
+    if before.stage is not None:
+        draft.remove((model.origin, before.stage, model.name))
+    if after.stage is not None and (after.is_open or draft.has_node(model.origin)):  # it may be gone when a task ends
+        draft.draw(words.edge_type(after.stage), model.origin, model.name)
+    told = (
+        ("request", before.number, after.number),
+        ("requester", before.requester, after.requester),
+        ("result", before.result, after.result),
+        ("reason", before.reason or None, after.reason or None),
+    )
+    for attribute, was, now in told:
+        if was != now:
+            node = draft.node(model.name)
+            draft.write(node, words.attribute(node, attribute), now, None)

@@ -1,0 +1,231 @@
+"""How patterns hold in a graph: paths along its edges, their absence, and conditions over attributes and poses."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+from codra_dsl.logic import Term, Value
+from codra_dsl.runtime.knowledge.declarations import Absence, Direction, Link, Path, Pattern, Place
+from codra_dsl.runtime.knowledge.draft import AbsentError, Touched
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey
+from codra_dsl.runtime.knowledge.words import Words
+from codra_dsl.runtime.names import UnknownNameError
+
+if TYPE_CHECKING:
+    from codra_dsl.runtime.knowledge.snapshot import Snapshot
+
+_CALL = re.compile(r"(distance|in_view)\((.+), (.+)\)")
+
+ANY = ""
+"""Stands for every name in what a pattern reads."""
+
+
+class Match(NamedTuple):
+    """One way in which patterns hold.
+
+    Attributes:
+        called: the nodes that the patterns call by a name, in the order of these names.
+        edges: the edges of the paths, in their order.
+    """
+
+    called: tuple[tuple[str, str], ...]
+    edges: tuple[EdgeKey, ...]
+
+    def node(self, name: str) -> str:
+        """Return the node that the patterns call by a name.
+
+        Raises:
+            KeyError: if they call none so.
+        """
+        return dict(self.called)[name]
+
+
+def matches(snapshot: Snapshot, words: Words, patterns: Sequence[Pattern]) -> tuple[Match, ...]:
+    """Return all ways in which patterns hold together.
+
+    Paths find nodes and edges, in the order in which they are given; absences and conditions then judge what was found.
+    """
+    judges = [each for each in patterns if not isinstance(each, Path)]
+    return tuple(
+        dict.fromkeys(
+            Match(tuple(sorted(called.items())), edges)
+            for called, edges in _found(snapshot, words, patterns)
+            if all(_holds(snapshot, words, judge, called) for judge in judges)
+        )
+    )
+
+
+def reads(words: Words, patterns: Iterable[Pattern]) -> frozenset[Touched]:
+    """Return what must be touched before patterns can hold in other ways, time aside."""
+    read: set[Touched] = set()
+    for pattern in patterns:
+        if isinstance(pattern, Term):
+            read.update(touched for name in pattern.variables() for touched in _reads_of(name))
+            continue
+        path = pattern.path if isinstance(pattern, Absence) else pattern
+        read.update(("edge", name) for link in path.links for name in words.types_of_edges(link.edge))
+        if not path.links:
+            read.add(("node", path.places[0].type or ANY))
+    return frozenset(read)
+
+
+def next_s(snapshot: Snapshot, words: Words, patterns: Sequence[Pattern]) -> float:
+    """Return when patterns can next hold in other ways though nothing is written; infinite if never."""
+    terms = [each for each in patterns if isinstance(each, Term)]
+    instants_s = [math.inf]
+    for called, _ in _found(snapshot, words, patterns) if terms else ():
+        scope = _Scope(snapshot, called)
+        for term in terms:
+            wait_s = term.flips_s(scope)
+            instants_s.append(math.inf if wait_s is None else snapshot.instant_s + wait_s)
+            instants_s.extend(scope.until_s(name) for name in term.variables())
+    return min(instants_s)
+
+
+_Found = tuple[Mapping[str, str], tuple[EdgeKey, ...]]
+"""The nodes that are called by a name so far, and the edges."""
+
+
+def _found(snapshot: Snapshot, words: Words, patterns: Iterable[Pattern]) -> list[_Found]:
+    """Return all ways to follow the paths among some patterns."""
+    found: list[_Found] = [({}, ())]
+    for path in (each for each in patterns if isinstance(each, Path)):
+        found = [more for each in found for more in _along(snapshot, words, path, each)]
+    return found
+
+
+def _along(snapshot: Snapshot, words: Words, path: Path, found: _Found) -> Iterator[_Found]:
+    """Yield all ways to follow a path: from the first place that is one certain node, to the end, then to the start."""
+    called, edges = found
+    places = path.places
+    start = next((at for at, place in enumerate(places) if place.name or place.called in called), 0)
+    to_end = [(at, at + 1, path.links[at]) for at in range(start, len(places) - 1)]
+    to_start = [(at, at - 1, _turned(path.links[at - 1])) for at in range(start, 0, -1)]
+    for name in _candidates(snapshot, words, places[start], called):
+        begun = {**called, places[start].called: name} if places[start].called else called
+        for standing, more, taken in _steps(snapshot, words, places, [*to_end, *to_start], {start: name}, begun):
+            ordered = tuple(taken[at] for at in range(len(standing) - 1))
+            yield more, (*edges, *ordered)
+
+
+_Steps = Sequence[tuple[int, int, Link]]
+_Standing = dict[int, str]
+_Taken = dict[int, EdgeKey]
+
+
+def _steps(  # noqa: PLR0917 - it is one recursion
+    snapshot: Snapshot,
+    words: Words,
+    places: Sequence[Place],
+    steps: _Steps,
+    standing: _Standing,
+    called: Mapping[str, str],
+) -> Iterator[tuple[_Standing, Mapping[str, str], _Taken]]:
+    if not steps:
+        yield standing, called, {}
+        return
+    (here, there, link), *rest = steps
+    for edge, name in _neighbours(snapshot, words, standing[here], link):
+        if not _fits(snapshot, places[there], name, called):
+            continue
+        more = {**called, places[there].called: name} if places[there].called else called
+        for done, called_now, taken in _steps(snapshot, words, places, rest, {**standing, there: name}, more):
+            yield done, called_now, {**taken, min(here, there): edge.key}
+
+
+def _candidates(snapshot: Snapshot, words: Words, place: Place, called: Mapping[str, str]) -> Iterable[str]:
+    certain = place.name or called.get(place.called, "")
+    if certain:
+        return (certain,) if _fits(snapshot, place, certain, called) else ()
+    if place.type:
+        words.node_type(place.type)
+    return [node.name for node in snapshot.nodes(place.type)]
+
+
+def _fits(snapshot: Snapshot, place: Place, name: str, called: Mapping[str, str]) -> bool:
+    if name not in snapshot or (place.name and place.name != name):
+        return False
+    if place.type and snapshot.node(name).type != place.type:
+        return False
+    return called.get(place.called, name) == name
+
+
+def _neighbours(snapshot: Snapshot, words: Words, name: str, link: Link) -> Iterator[tuple[Edge, str]]:
+    """Yield the edges that a link can be at a node, in the order in which they came, and where they lead."""
+    types = words.types_of_edges(link.edge)
+    is_forward = link.direction is Direction.FORWARD
+    keys = snapshot.keys_from(name) if is_forward else snapshot.keys_to(name)
+    edges = (snapshot.edge_of(key) for key in keys)
+    suitable = [edge for edge in edges if edge is not None and edge.type in types]
+    for edge in sorted(suitable, key=lambda each: each.number):
+        yield edge, edge.target if is_forward else edge.origin
+
+
+def _turned(link: Link) -> Link:
+    is_forward = link.direction is Direction.FORWARD
+    return Link(edge=link.edge, direction=Direction.BACKWARD if is_forward else Direction.FORWARD)
+
+
+def _holds(snapshot: Snapshot, words: Words, pattern: Pattern, called: Mapping[str, str]) -> bool:
+    if isinstance(pattern, Absence):
+        return not any(True for _ in _along(snapshot, words, pattern.path, (called, ())))
+    return isinstance(pattern, Term) and pattern.holds(_Scope(snapshot, called))
+
+
+def _reads_of(name: str) -> Iterator[Touched]:
+    """Yield what must be touched before a name in a condition can be something else."""
+    if _CALL.fullmatch(name):
+        yield ("frame", ANY)
+    else:
+        node, _, attribute = name.rpartition(".")
+        yield (node, attribute)
+        yield (ANY, attribute)  # the name of a node may be what a path calls it
+
+
+class _Scope:
+    """Where a condition finds attributes, as `node.attribute`, and what poses tell, as `distance(a, b)`."""
+
+    __slots__ = ("_called", "_snapshot")
+
+    def __init__(self, snapshot: Snapshot, called: Mapping[str, str]) -> None:
+        self._snapshot = snapshot
+        self._called = called
+
+    def value(self, name: str) -> Value | None:
+        call = _CALL.fullmatch(name)
+        if call is None:
+            node, _, attribute = name.rpartition(".")
+            try:
+                return self._snapshot.get(self._name(node), attribute).content
+            except AbsentError:
+                return None  # nothing is known of what is not there
+        word, a, b = call[1], self._name(call[2]), self._name(call[3])
+        if word == "distance":
+            return self._snapshot.distance_m(a, b)
+        return self._snapshot.in_view(a, b) if b in self._snapshot else None
+
+    def age_s(self, name: str) -> float | None:
+        node, _, attribute = name.rpartition(".")
+        try:
+            reading = self._snapshot.get(self._name(node), attribute)
+        except AbsentError:
+            return None
+        return reading.age_s(self._snapshot.instant_s) if reading.known else None
+
+    def until_s(self, name: str) -> float:
+        """Return until when what a name stands for is known, if it is and nothing is written."""
+        call = _CALL.fullmatch(name)
+        if call is not None:
+            return self._snapshot.fresh_until_s(self._name(call[2]), self._name(call[3]))
+        node, _, attribute = name.rpartition(".")
+        try:
+            reading = self._snapshot.get(self._name(node), attribute)
+        except (AbsentError, UnknownNameError):
+            return math.inf
+        return reading.expires_s if reading.known else math.inf
+
+    def _name(self, name: str) -> str:
+        return self._called.get(name, name)

@@ -1,0 +1,80 @@
+"""The whole graph at one time, as one value: whoever holds it sees nothing of what is written later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from codra_dsl.runtime.geometry import Frames
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Links, Node
+from codra_dsl.runtime.knowledge.words import Stage
+from codra_dsl.runtime.persistent import PersistentMap
+
+
+class Request(NamedTuple):
+    """What a requester asked for: a task, and the number of the request among all of this task."""
+
+    task: str
+    number: int
+
+
+class Handover(NamedTuple):
+    """How far a task is (P2, section 3.2).
+
+    Attributes:
+        task: its name.
+        stage: None while nobody has asked for it.
+        number: of its last request, from 1.
+        requester: the agent that asked.
+        since_s: since when it is at this stage.
+        deadline_s: when it ends as aborted unless it goes on before; infinite if never.
+        result: of a task that has finished.
+        reason: why it was aborted: `requester`, `unacknowledged` or `overdue`.
+    """
+
+    task: str
+    stage: Stage | None = None
+    number: int = 0
+    requester: str = ""
+    since_s: float = -math.inf
+    deadline_s: float = math.inf
+    result: str | None = None
+    reason: str = ""
+
+    @property
+    def request(self) -> Request:
+        """Return what names the last request."""
+        return Request(self.task, self.number)
+
+    @property
+    def is_open(self) -> bool:
+        """Return whether it was asked for and has not ended."""
+        return self.stage is Stage.WANTS or self.stage is Stage.IS
+
+
+class State(NamedTuple):
+    """The whole graph at one time.
+
+    Attributes:
+        version: how many changes were made.
+        next_number: of the next node or edge.
+        nodes: by name.
+        edges: by origin, label and target.
+        links: the edges of each node that ever had one, by its name.
+        of_type: the names of nodes, by their type.
+        frames: where nodes stand.
+        handovers: how far tasks are, by name.
+        gone: when nodes were deleted whose poses are still told, by name.
+    """
+
+    version: int = 0
+    next_number: int = 0
+    nodes: PersistentMap[str, Node] = PersistentMap()
+    edges: PersistentMap[EdgeKey, Edge] = PersistentMap()
+    links: PersistentMap[str, Links] = PersistentMap()
+    of_type: PersistentMap[str, PersistentMap[str, None]] = PersistentMap()
+    frames: Frames = Frames()
+    handovers: Mapping[str, Handover] = MappingProxyType({})
+    gone: Mapping[str, float] = MappingProxyType({})

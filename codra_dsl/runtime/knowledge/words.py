@@ -1,0 +1,198 @@
+"""The words of one graph, looked up from its declarations: types, attributes, tasks, and who may write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.runtime.knowledge.declarations import (
+    RT,
+    TASK,
+    AttributeModel,
+    EdgeTypeModel,
+    KnowledgeModel,
+    NodeModel,
+    NodeTypeModel,
+    TaskModel,
+    by,
+)
+from codra_dsl.runtime.knowledge.elements import Edge, Node
+from codra_dsl.runtime.knowledge.rights import Rights
+from codra_dsl.runtime.model import integer, member, text
+from codra_dsl.runtime.names import unknown
+
+
+class Stage(StrEnum):
+    """How far a task is: the label of the edge that leads to it (P2, section 3.2)."""
+
+    WANTS = "wants"
+    IS = "is"
+    FINISHED = "finished"
+    ABORTED = "aborted"
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """An attribute as it is declared, and who may write it."""
+
+    model: AttributeModel
+    rights: Rights
+
+
+@dataclass(frozen=True, slots=True)
+class NodeType:
+    """A type of nodes as it is declared, and who may insert and delete them."""
+
+    model: NodeTypeModel
+    rights: Rights
+    attributes: Mapping[str, Attribute]
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeType:
+    """A type of edges as it is declared, and who may insert and delete them."""
+
+    model: EdgeTypeModel
+    label: str
+    rights: Rights
+    attributes: Mapping[str, Attribute]
+    origins: frozenset[str]
+    targets: frozenset[str]
+
+    def fits(self, origin: Node, target: Node) -> bool:
+        """Return whether there may be such an edge from one node to another."""
+        return (origin.type in self.origins or origin.name in self.origins) and (
+            target.type in self.targets or target.name in self.targets
+        )
+
+
+class Words:
+    """What the declarations say, by name.
+
+    Attributes:
+        tasks: by name.
+        agents: the names of all that are declared or that may write something.
+    """
+
+    def __init__(self, model: KnowledgeModel) -> None:
+        """Look up all that a spec says of its graph.
+
+        Raises:
+            ValueError: if a name is declared twice, or is one that tasks bring along.
+        """
+        self.tasks: Mapping[str, TaskModel] = {task.name: task for task in model.tasks}
+        node_types, edge_types = list(model.node_types), list(model.edge_types)
+        if model.tasks:
+            node_types.append(NodeTypeModel(name=TASK))
+            origins = tuple({task.origin: None for task in model.tasks})
+            edge_types += [EdgeTypeModel(name=stage, origins=origins, targets=(TASK,)) for stage in Stage]
+        _check_unique("type of nodes", [each.name for each in node_types])
+        _check_unique("type of edges", [each.name for each in edge_types])
+        self._node_types = {each.name: _node_type(each) for each in node_types}
+        self._edge_types = {each.name: _edge_type(each) for each in edge_types}
+        of_tasks = {task.name: (TASK, _attributes_of(task)) for task in model.tasks}
+        self._of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
+            **{node.name: (node.type, self._of_node(node.type, node.attributes)) for node in model.nodes},
+            **of_tasks,
+        }
+        self.agents = frozenset(_agents(model))
+
+    def node_type(self, name: str) -> NodeType:
+        """Return a type of nodes; raise `UnknownNameError` if there is none."""
+        try:
+            return self._node_types[name]
+        except KeyError:
+            raise unknown("type of nodes", name, self._node_types) from None
+
+    def edge_type(self, name: str) -> EdgeType:
+        """Return a type of edges; raise `UnknownNameError` if there is none."""
+        try:
+            return self._edge_types[name]
+        except KeyError:
+            raise unknown("type of edges", name, self._edge_types) from None
+
+    def types_of_edges(self, name: str) -> frozenset[str]:
+        """Return the types of edges that a path names, by their own name or by their label.
+
+        Raises:
+            UnknownNameError: if there is none.
+        """
+        if name in self._edge_types:
+            return frozenset((name,))
+        found = frozenset(each.model.name for each in self._edge_types.values() if each.label == name)
+        if not found:
+            raise unknown("type of edges", name, self._edge_types)
+        return found
+
+    def of_node(self, node: Node) -> Mapping[str, Attribute]:
+        """Return the attributes that a node may have."""
+        own = self._of_nodes.get(node.name)
+        return own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
+
+    def attribute(self, node: Node, name: str) -> Attribute:
+        """Return an attribute of a node; raise `UnknownNameError` if it cannot have it."""
+        found = self.of_node(node).get(name)
+        if found is None:
+            raise unknown(f"attribute of {node.type!r}", name, self.of_node(node))
+        return found
+
+    def attribute_of_edge(self, edge: Edge, name: str) -> Attribute:
+        """Return an attribute of an edge; raise `UnknownNameError` if it cannot have it."""
+        found = self._edge_types[edge.type].attributes.get(name)
+        if found is None:
+            raise unknown(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
+        return found
+
+    def _of_node(self, type_name: str, own: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
+        return {**self.node_type(type_name).attributes, **_attributes(own)}
+
+
+def _node_type(model: NodeTypeModel) -> NodeType:
+    return NodeType(model, Rights(model.sources), _attributes(model.attributes))
+
+
+def _edge_type(model: EdgeTypeModel) -> EdgeType:
+    label = model.label or (RT if model.motion is not None else str(model.name))
+    if (label == RT) != (model.motion is not None):
+        raise ValueError(f"edges of type {model.name!r} have a motion if, and only if, their label is {RT}")
+    return EdgeType(
+        model,
+        label,
+        Rights(model.sources),
+        {each.name: Attribute(each, Rights(each.sources or model.sources)) for each in model.attributes},
+        frozenset(model.origins),
+        frozenset(model.targets),
+    )
+
+
+def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
+    return {model.name: Attribute(model, Rights(model.sources)) for model in models}
+
+
+def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
+    """Return what the node of a task tells: what only the steps of its handshake write, and what its requesters do."""
+    steps = (
+        AttributeModel(name="request", type=integer(low=0)),
+        AttributeModel(name="requester", type=text()),
+        AttributeModel(name="result", type=member(*task.results)),
+        AttributeModel(name="reason", type=text()),
+    )
+    asked = {each.name: Attribute(each, Rights(each.sources or by(*task.requesters))) for each in task.attributes}
+    return {**asked, **_attributes(steps)}
+
+
+def _agents(model: KnowledgeModel) -> Iterable[str]:
+    yield from (agent.name for agent in model.agents)
+    for task in model.tasks:
+        yield from (task.by, *task.requesters)
+    types: list[NodeTypeModel | EdgeTypeModel] = [*model.node_types, *model.edge_types]
+    owners: list[NodeTypeModel | EdgeTypeModel | NodeModel | TaskModel] = [*types, *model.nodes, *model.tasks]
+    owned = [*types, *(attribute for owner in owners for attribute in owner.attributes)]
+    yield from (writer.agent for each in owned for writer in each.sources)
+
+
+def _check_unique(kind: str, names: Sequence[str]) -> None:
+    twice = [name for position, name in enumerate(names) if name in names[:position]]
+    if twice:
+        raise ValueError(f"there are two of the {kind} {str(twice[0])!r}, or it is one that tasks bring along")

@@ -1,0 +1,482 @@
+"""The graph: what is in it, who may write it, and what each reader sees of it."""
+
+from __future__ import annotations
+
+import gc
+import math
+import threading
+from collections.abc import Iterable
+
+import pytest
+
+from codra_dsl.logic import value
+from codra_dsl.runtime import NotASourceError, NotOfTypeError, Reason, SimClock, UnknownNameError, WallClock
+from codra_dsl.runtime.geometry import Motion, Pose
+from codra_dsl.runtime.knowledge import (
+    AbsentError,
+    AgentTakenError,
+    Edge,
+    Knowledge,
+    Node,
+    OutrankedError,
+    PresentError,
+)
+from codra_dsl.runtime.knowledge.declarations import (
+    AttributeModel,
+    EdgeTypeModel,
+    KnowledgeModel,
+    NodeModel,
+    NodeTypeModel,
+    TaskModel,
+    by,
+)
+from codra_dsl.runtime.model import integer
+from tests.runtime.knowledge.store import STORE, store
+
+HERE = Pose.of((1.0, 2.0, 0.0))
+
+
+def names(elements: Iterable[Node | Edge]) -> list[str]:
+    return [each.name if isinstance(each, Node) else str(each) for each in elements]
+
+
+# What is there
+
+
+def test_what_is_declared_to_be_there_is_there_from_the_start() -> None:
+    seen = store(SimClock(100.0)).snapshot()
+    assert names(seen.nodes())[:7] == ["world", "robot", "camera", "people", "battery", "area_1", "area_2"]
+    assert names(seen.edges(origin="robot")) == ["robot -has-> battery", "robot -RT-> camera"]
+    reading = seen.get("battery", "level")
+    assert (reading.value, reading.source, reading.evidence_s) == (80.0, "", 100.0)
+
+
+def test_two_nodes_can_have_edges_of_several_labels_and_one_of_each() -> None:
+    knowledge = store()
+    people, detection = knowledge.as_agent("person_detection"), knowledge.as_agent("container_detection")
+    people.insert_node("anna", "person")
+    people.insert_edge("anna", "close_to", "robot", distance=2.0)
+    people.insert_edge("anna", "close_to", "robot", distance=1.5)
+    people.insert_edge("people", "is_not", "robot")
+    detection.insert_node("box", "roll_container")
+    detection.place("world", "container_pose", "box", HERE)
+    detection.insert_edge("box", "close_to", "robot")
+    seen = knowledge.snapshot()
+    assert names(seen.edges(target="robot")) == [
+        "anna -close_to-> robot",
+        "people -is_not-> robot",
+        "box -close_to-> robot",
+    ]
+    assert seen.get_of_edge("anna", "close_to", "robot", "distance").value == 1.5
+    assert [seen.edge("world", name, "box").type for name in ("RT", "container_pose")] == ["container_pose"] * 2
+
+
+def test_nodes_come_by_type_and_by_what_their_attributes_are() -> None:
+    knowledge = store()
+    people = knowledge.as_agent("person_detection")
+    for name, height_m in (("zoe", 1.9), ("anna", 1.6), ("bob", 1.8)):
+        people.insert_node(name, "person", height=height_m)
+    people.insert_node("new", "person")
+    seen = knowledge.snapshot()
+    assert names(seen.nodes("person")) == ["zoe", "anna", "bob", "new"]
+    assert names(seen.nodes("person", where=value("height") > 1.7)) == ["zoe", "bob"]
+    assert names(seen.nodes("person", where=~(value("height") > 1.7))) == ["anna"]
+
+
+def test_a_node_is_deleted_with_its_edges_whoever_wrote_them() -> None:
+    knowledge = store()
+    detection, fork = knowledge.as_agent("container_detection"), knowledge.as_agent("fork")
+    detection.insert_node("box", "roll_container")
+    detection.insert_edge("box", "close_to", "robot")
+    fork.place("robot", "carried", "box", HERE)
+    detection.delete_node("box")
+    seen = knowledge.snapshot()
+    assert "box" not in seen
+    assert names(seen.edges()) == ["robot -has-> battery", "robot -RT-> camera"]
+    with pytest.raises(AbsentError, match="there is no node 'box'"):
+        seen.get("box", "load")
+
+
+def test_a_node_that_comes_again_knows_nothing_of_the_one_before() -> None:
+    knowledge = store()
+    people = knowledge.as_agent("person_detection")
+    people.insert_node("anna", "person", height=1.7)
+    with pytest.raises(PresentError, match="there is a node 'anna' already"):
+        people.insert_node("anna", "person")
+    people.delete_node("anna")
+    people.insert_node("anna", "person")
+    assert knowledge.get("anna", "height").reason is Reason.NEVER_OBSERVED
+
+
+# Attributes
+
+
+def test_an_attribute_has_a_stamp_an_author_and_a_past() -> None:
+    clock = SimClock()
+    knowledge = store(clock)
+    navigation = knowledge.as_agent("navigation")
+    for level in (70.0, 60.0):
+        clock.sleep(10.0)
+        navigation.set("battery", "level", level)
+    navigation.set("battery", "level", 75.0, evidence_s=5.0)
+    told = [(each.evidence_s, each.value, each.source) for each in knowledge.snapshot().history("battery", "level")]
+    assert told == [(0.0, 80.0, ""), (5.0, 75.0, "navigation"), (10.0, 70.0, "navigation"), (20.0, 60.0, "navigation")]
+    assert knowledge.get("battery", "level").value == 60.0
+
+
+def test_an_attribute_is_unknown_when_its_time_is_over_and_when_its_author_says_so() -> None:
+    clock = SimClock()
+    knowledge = store(clock)
+    clock.sleep(60.0)
+    assert knowledge.get("battery", "level").reason is Reason.STALE
+    navigation = knowledge.as_agent("navigation")
+    navigation.set("battery", "level", 50)
+    assert knowledge.get("battery", "level").value == 50.0
+    navigation.set("battery", "level", math.nan)
+    assert knowledge.get("battery", "level").reason is Reason.REJECTED
+
+
+def test_the_past_of_an_attribute_is_a_ring() -> None:
+    knowledge = store()
+    navigation = knowledge.as_agent("navigation")
+    kept = [knowledge.snapshot()]
+    for step in range(1000):
+        navigation.set("battery", "level", step / 10)
+        kept.append(knowledge.snapshot())
+    assert [each.value for each in kept[-1].history("battery", "level")] == [step / 10 for step in range(900, 1000)]
+    assert [each.get("battery", "level").value for each in kept] == [80.0, *(step / 10 for step in range(1000))]
+    assert [len(each.history("battery", "level")) for each in (kept[0], kept[5], kept[500])] == [1, 6, 100]
+
+
+@pytest.mark.parametrize(
+    ("level", "message"),
+    [("full", r"battery\.level: 'full' is no float"), (101.0, r"battery\.level: 101\.0 lies outside \[0, 100\]")],
+)
+def test_a_value_of_another_type_or_out_of_range_is_refused(level: object, message: str) -> None:
+    knowledge = store()
+    with pytest.raises(NotOfTypeError, match=message):
+        knowledge.as_agent("navigation").set("battery", "level", level)
+    assert knowledge.get("battery", "level").value == 80.0
+
+
+def test_evidence_of_the_future_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"battery\.level was taken at 0\.0 at the latest, not at 1\.0"):
+        store().as_agent("navigation").set("battery", "level", 1.0, evidence_s=1.0)
+
+
+def test_names_that_are_not_declared_are_told_with_what_was_probably_meant() -> None:
+    navigation = store().as_agent("navigation")
+    with pytest.raises(UnknownNameError, match="no attribute of 'battery' 'levle': did you mean 'level'"):
+        navigation.set("battery", "levle", 1.0)
+    with pytest.raises(UnknownNameError, match="no type of edges 'robot_pse': did you mean 'robot_pose'"):
+        navigation.place("world", "robot_pse", "robot", HERE)
+    with pytest.raises(UnknownNameError, match="no type of nodes 'persn': did you mean 'person'"):
+        navigation.insert_node("anna", "persn")
+
+
+def test_an_edge_between_types_that_it_does_not_connect_is_refused() -> None:
+    navigation = store().as_agent("navigation")
+    with pytest.raises(
+        NotOfTypeError, match="goes from robot to picking_area, not from robot 'robot' to world 'world'"
+    ):
+        navigation.insert_edge("robot", "in", "world")
+    with pytest.raises(NotOfTypeError, match="goes from world to robot, not from world 'world' to battery 'battery'"):
+        navigation.place("world", "robot_pose", "battery", HERE)
+
+
+# Who may write
+
+
+@pytest.mark.parametrize(
+    ("write", "why"),
+    [
+        (lambda agent: agent.set("battery", "level", 1.0), "'battery.level' is for navigation to write"),
+        (lambda agent: agent.insert_node("anna", "person"), "'nodes of type person' is for person_detection to write"),
+        (lambda agent: agent.delete_node("robot"), "'nodes of type robot' is for nobody to write"),
+        (
+            lambda agent: agent.insert_edge("robot", "close_to", "robot"),
+            "'edges of type close_to' is for container_detection or person_detection to write",
+        ),
+        (lambda agent: agent.delete_edge("robot", "has", "battery"), "'edges of type has' is for nobody to write"),
+        (lambda agent: agent.place("world", "robot_pose", "robot", HERE), "is for navigation to write"),
+        (lambda agent: agent.insert_edge("robot", "wants", "detecting"), "'edges of type wants' is for nobody"),
+        (lambda agent: agent.set("detecting", "result", "ok"), "'detecting.result' is for nobody to write"),
+        (lambda agent: agent.request("rotating"), "'a request of rotating' is for picking to write"),
+    ],
+)
+def test_what_is_for_others_to_write_is_refused_and_found_in_the_audit(write: object, why: str) -> None:
+    knowledge = store(SimClock(3.0))
+    before = knowledge.snapshot()
+    assert callable(write)
+    with pytest.raises(NotASourceError) as refused:
+        write(knowledge.as_agent("picker_page"))
+    assert why in str(refused.value)
+    (told,) = knowledge.refusals()
+    assert (told.instant_s, told.agent, told.why) == (3.0, "picker_page", str(refused.value))
+    assert knowledge.snapshot().version == before.version
+
+
+def test_a_name_is_taken_by_one_handle_at_a_time() -> None:
+    knowledge = store()
+    navigation = knowledge.as_agent("navigation")
+    with pytest.raises(AgentTakenError, match="the agent 'navigation' is taken"):
+        knowledge.as_agent("navigation")
+    assert [each.agent for each in knowledge.refusals()] == ["navigation"]
+    navigation.close()
+    with pytest.raises(PermissionError, match="this handle of the agent 'navigation' is closed"):
+        navigation.set("battery", "level", 1.0)
+    with knowledge.as_agent("navigation") as again:
+        again.set("battery", "level", 2.0)
+    forgotten = knowledge.as_agent("navigation")
+    del forgotten
+    gc.collect()
+    assert knowledge.as_agent("navigation").name == "navigation"
+
+
+def test_nobody_writes_under_a_name_that_is_not_declared() -> None:
+    with pytest.raises(UnknownNameError, match="no agent 'navigaton': did you mean 'navigation'"):
+        store().as_agent("navigaton")
+    with pytest.raises(UnknownNameError, match="no agent ''"):
+        store().as_agent("")
+
+
+def test_the_name_of_a_handle_cannot_be_changed() -> None:
+    handle = store().as_agent("navigation")
+    with pytest.raises(AttributeError):
+        handle.name = "picker_page"  # type: ignore[misc]
+
+
+def test_of_two_owners_what_the_first_wrote_stands_while_it_is_valid() -> None:
+    clock = SimClock()
+    knowledge = store(clock)
+    knowledge.as_agent("container_detection").insert_node("box", "roll_container")
+    page, fork = knowledge.as_agent("picker_page"), knowledge.as_agent("fork")
+    fork.set("box", "locked", True)
+    page.set("box", "locked", False)
+    with pytest.raises(OutrankedError, match=r"what 'picker_page' has written of 'box\.locked' still stands"):
+        fork.set("box", "locked", True)
+    assert [each.agent for each in knowledge.refusals()] == ["fork"]
+    clock.sleep(5.0)
+    fork.set("box", "locked", True)
+    assert knowledge.get("box", "locked").source == "fork"
+
+
+def test_eight_threads_write_what_is_theirs_and_every_foreign_write_is_refused_and_audited() -> None:
+    owners = [f"agent_{number}" for number in range(8)]
+    knowledge = Knowledge(_counters(owners), clock=(clock := WallClock()))
+    refused: list[tuple[str, str]] = []
+    wrong: list[str] = []
+
+    def run(number: int) -> None:
+        agent = knowledge.as_agent(owners[number])
+        for step in range(400):
+            agent.set(f"node_{number}", "count", step)
+            other = owners[(number + 1 + step % 7) % 8]
+            try:
+                agent.set(other.replace("agent", "node"), "count", -1)
+            except NotASourceError:
+                refused.append((agent.name, other))
+            reading = knowledge.get(f"node_{number}", "count")
+            if (reading.value, reading.source) != (step, agent.name):
+                wrong.append(agent.name)
+
+    _all(threading.Thread(target=run, args=(number,)) for number in range(8))
+    clock.close()
+    audited = [(each.agent, each.why.split("is for ")[1].split()[0]) for each in knowledge.refusals()]
+    assert wrong == []
+    assert len(refused) == 8 * 400
+    assert sorted(audited) == sorted(refused)
+    assert [knowledge.get(f"node_{number}", "count").value for number in range(8)] == [399] * 8
+
+
+# Transactions and snapshots
+
+
+def test_a_transaction_becomes_visible_as_one() -> None:
+    knowledge = store()
+    detection = knowledge.as_agent("container_detection")
+    before = knowledge.snapshot()
+    with detection.transaction() as write:
+        write.insert_node("box", "roll_container")
+        write.place("world", "container_pose", "box", HERE)
+        write.insert_edge("box", "close_to", "robot", distance=2.0)
+        assert "box" not in knowledge.snapshot()
+    after = knowledge.snapshot()
+    assert after.version == before.version + 1
+    assert "box" in after
+    assert after.has_edge("box", "close_to", "robot")
+    assert "box" not in before
+
+
+@pytest.mark.parametrize("is_caught", [True, False])
+def test_a_transaction_of_which_one_part_is_refused_changes_nothing(is_caught: bool) -> None:
+    knowledge = store()
+    detection = knowledge.as_agent("container_detection")
+
+    def attempt() -> None:
+        with detection.transaction() as write:
+            write.insert_node("box", "roll_container")
+            try:
+                write.set("battery", "level", 0.0)
+            except NotASourceError:
+                if not is_caught:
+                    raise
+
+    with pytest.raises(NotASourceError, match=r"'battery\.level' is for navigation"):
+        attempt()
+    assert "box" not in knowledge.snapshot()
+    assert len(knowledge.refusals()) == 1
+
+
+def test_a_transaction_that_the_program_breaks_off_changes_nothing() -> None:
+    knowledge = store()
+    detection = knowledge.as_agent("container_detection")
+
+    def attempt() -> None:
+        with detection.transaction() as write:
+            write.insert_node("box", "roll_container")
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        attempt()
+    assert "box" not in knowledge.snapshot()
+
+
+def test_a_transaction_is_done_again_on_what_others_have_written_meanwhile() -> None:
+    knowledge = store()
+    detection, people = knowledge.as_agent("container_detection"), knowledge.as_agent("person_detection")
+    with detection.transaction() as write:
+        write.insert_node("box", "roll_container")
+        people.insert_node("anna", "person")
+    assert {"box", "anna"} <= {node.name for node in knowledge.snapshot().nodes()}
+
+    def attempt() -> None:
+        with detection.transaction() as write:
+            write.insert_node("crate", "roll_container")
+            write.insert_node("case", "roll_container")
+            detection.insert_node("crate", "roll_container")
+
+    with pytest.raises(PresentError, match="there is a node 'crate' already"):
+        attempt()
+    assert "case" not in knowledge.snapshot()
+
+
+def test_snapshots_never_see_half_a_transaction() -> None:
+    owners = [f"agent_{number}" for number in range(4)]
+    knowledge = Knowledge(_counters(owners), clock=(clock := WallClock()))
+    halves: list[tuple[object, ...]] = []
+    over = threading.Event()
+
+    def write(number: int) -> None:
+        agent = knowledge.as_agent(owners[number])
+        for step in range(300):
+            with agent.transaction() as both:
+                both.set(f"node_{number}", "count", step)
+                both.set(f"node_{number}", "copy", step)
+                both.place("root", "stands", f"node_{number}", Pose.of((step, 0.0, 0.0)), stamp_s=float(step))
+
+    def read() -> None:
+        while not over.is_set():
+            seen = knowledge.snapshot()
+            for number in range(4):
+                name = f"node_{number}"
+                told = (seen.get(name, "count").content, seen.get(name, "copy").content)
+                where_m = seen.transform("root", name, 1e9).pose.translation_m[0] if told[0] is not None else None
+                if not told[0] == told[1] == where_m:
+                    halves.append((*told, where_m))
+
+    readers = [threading.Thread(target=read) for _ in range(3)]
+    for reader in readers:
+        reader.start()
+    _all(threading.Thread(target=write, args=(number,)) for number in range(4))
+    over.set()
+    for reader in readers:
+        reader.join(60.0)
+    clock.close()
+    assert halves == []
+    assert [knowledge.get(f"node_{number}", "copy").value for number in range(4)] == [299] * 4
+
+
+def test_a_snapshot_is_of_its_instant_for_good() -> None:
+    clock = SimClock()
+    knowledge = store(clock)
+    seen = knowledge.snapshot()
+    clock.sleep(100.0)
+    knowledge.as_agent("navigation").set("battery", "level", 1.0)
+    assert (seen.get("battery", "level").value, knowledge.get("battery", "level").value) == (80.0, 1.0)
+
+
+# Declarations that contradict each other
+
+
+@pytest.mark.parametrize(
+    ("model", "message"),
+    [
+        (KnowledgeModel(name="x", node_types=(NodeTypeModel(name="a"),) * 2), "two of the type of nodes 'a'"),
+        (
+            KnowledgeModel(
+                name="x",
+                node_types=(NodeTypeModel(name="task"),),
+                tasks=(TaskModel(name="t", origin="r", by="a", requesters=("b",), results=("ok",)),),
+            ),
+            "'task', or it is one that tasks bring along",
+        ),
+        (
+            KnowledgeModel(
+                name="x", edge_types=(EdgeTypeModel(name="e", label="near", origins=(), targets=(), motion=Motion()),)
+            ),
+            "edges of type 'e' have a motion if, and only if, their label is RT",
+        ),
+        (KnowledgeModel(name="x", nodes=(NodeModel(name="a", type="thing"),)), "no type of nodes 'thing'"),
+    ],
+)
+def test_declarations_that_contradict_each_other_are_told(model: KnowledgeModel, message: str) -> None:
+    with pytest.raises((ValueError, LookupError), match=message):
+        Knowledge(model, clock=SimClock())
+
+
+def test_every_writer_that_is_declared_anywhere_is_an_agent() -> None:
+    knowledge = Knowledge(STORE, clock=SimClock())
+    for name in ("navigation", "decision_maker", "fork", "picker_page", "picking"):
+        assert knowledge.as_agent(name).name == name
+
+
+def _counters(owners: list[str]) -> KnowledgeModel:
+    """Declare a root, and for each owner a node with two counts and a pose that are its own."""
+    nodes = [owner.replace("agent", "node") for owner in owners]
+    return KnowledgeModel(
+        name="counters",
+        node_types=(NodeTypeModel(name="root"), NodeTypeModel(name="counter")),
+        edge_types=(
+            EdgeTypeModel(
+                name="stands",
+                origins=("root",),
+                targets=("counter",),
+                sources=by(*owners),
+                motion=Motion(history_s=math.inf),
+            ),
+        ),
+        nodes=(
+            NodeModel(name="root", type="root"),
+            *(
+                NodeModel(
+                    name=node,
+                    type="counter",
+                    attributes=tuple(
+                        AttributeModel(name=name, type=integer(), sources=by(owner)) for name in ("count", "copy")
+                    ),
+                )
+                for node, owner in zip(nodes, owners, strict=True)
+            ),
+        ),
+    )
+
+
+def _all(threads: Iterable[threading.Thread]) -> None:
+    """Run threads to their end."""
+    running = list(threads)
+    for thread in running:
+        thread.start()
+    for thread in running:
+        thread.join(120.0)
+        assert not thread.is_alive()
