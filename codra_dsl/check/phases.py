@@ -64,7 +64,8 @@ def _with_members_as_meant(
 
 def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
     """Return the elements that errors are about: the first two steps of their paths."""
-    errors = (each.path.split(".") for each in found if each.severity is Severity.ERROR)
+    paths = (each.path.removeprefix("knowledge.") for each in found if each.severity is Severity.ERROR)
+    errors = (path.split(".") for path in paths)
     return frozenset((section, name) for section, name, *_ in errors)
 
 
