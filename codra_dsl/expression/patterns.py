@@ -138,6 +138,8 @@ def reads_of(name: str) -> tuple[str, str, str]:
 
 def _condition(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition whose names may have parts, with the same places as in the text."""
+    if text in _WORDS:
+        raise SlipError(f"{shown(text)} is no pattern by itself", 0, len(text), _EXAMPLE)
     if is_name(text):
         return Name(start=0, end=len(text), name=text)
     words = _THREE_WORDS.fullmatch(text)
@@ -218,8 +220,14 @@ class _PathParser:
     """Reads one path."""
 
     def __init__(self, text: str) -> None:
-        self._tokens = list(_path_tokens(text))
+        self._tokens: list[_Token] = []
+        self._slip: SlipError | None = None
         self._position = 0
+        try:
+            self._tokens.extend(_path_tokens(text))
+        except SlipError as slip:  # told if the parser gets so far
+            self._slip = slip
+            self._tokens.append(_Token("", slip.problem.start, slip.problem.end))
 
     def whole(self) -> Path:
         """Return the path of all tokens."""
@@ -238,6 +246,8 @@ class _PathParser:
 
     @property
     def _next(self) -> _Token:
+        if self._slip is not None and self._position == len(self._tokens) - 1:
+            raise self._slip
         return self._tokens[self._position]
 
     @property

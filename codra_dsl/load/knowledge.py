@@ -175,12 +175,13 @@ def _read_values(reader: Reader) -> Iterator[StartingValue]:
         if key.reported or node.reported or not isinstance(node, ScalarNode) or node.data is None:
             reader.damage("with")
             continue
-        place = reader.origin.of(node)
+        place, name = reader.origin.of(node), reader.origin.of(key)
         quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
         if quantity is None:
-            yield StartingValue(name=key.text, value=node.data, unit=None, place=place)
+            yield StartingValue(name=key.text, value=node.data, unit=None, place=place, key=name)
         else:
-            yield StartingValue(name=key.text, value=quantity.value, unit=str(quantity.unit), place=place)
+            unit = str(quantity.unit)
+            yield StartingValue(name=key.text, value=quantity.value, unit=unit, place=place, key=name)
 
 
 def _read_motion(reader: Reader) -> Motion:

@@ -106,12 +106,14 @@ class StartingValue:
 
     Attributes:
         unit: as written; None where none is.
+        place: of the value; `key` is that of the attribute's name.
     """
 
     name: str
     value: Literal
     unit: str | None
     place: Place
+    key: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -187,6 +187,8 @@ class _Chains:
         ):
             return ()
         types = {name: self.world.read_type(name)}
+        if not can_hold([pattern.tree], (), types):  # which is told as a contradiction
+            return ()
         found: list[_Rule] = []
         for writer in self.world.writers(thing):
             told = [
@@ -236,9 +238,7 @@ def _asleep(world: World, agent: Agent, chains: _Chains) -> Iterator[Diagnostic]
 
 def _unmet(world: World, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
     if isinstance(pattern.tree, Path) and pattern.tree.negated:
-        message = (
-            f"{what}: that which '{pattern.said.text}' rules out is there from the start, and nobody takes it away"
-        )
+        message = f"{what}: what '{pattern.said.text}' rules out is there from the start, and nobody takes it away"
         way_out = "say with 'source' who does, or change the pattern"
     else:
         who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "nobody"

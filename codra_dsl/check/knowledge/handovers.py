@@ -41,7 +41,7 @@ def _waits(world: World, task: Task, other: Task) -> bool:
     if agent is None:
         return True
     asked = _rules_about(world, agent, other, (Role.DURING, Role.AFTER), (TaskState.WANTS,))
-    taken = _rules_about(world, agent, task, (Role.BEFORE, Role.DURING), tuple(TaskState))
+    taken = _rules_about(world, agent, task, (Role.BEFORE, Role.DURING), (TaskState.WANTS, TaskState.IS))
     return not asked or not taken or bool(asked & taken)
 
 

@@ -120,8 +120,7 @@ def unknown_attributes(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
             known = world.attributes_of(element.name)
             if value.name not in known and not _is_open(scope, element.name):
                 path = f"knowledge.nodes.{element.name}.with.{value.name}"
-                place = value.place
-                yield _unknown_attribute(scope, Mention(value.name, place, "", path), element.name, known)
+                yield _unknown_attribute(scope, Mention(value.name, value.key, "", path), element.name, known)
 
 
 def unknown_things(scope: Scope, _: Faults) -> Iterator[Diagnostic]:

@@ -51,7 +51,13 @@ def _excluded(scope: Scope, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]
         if core:
             offender = next(each for each in conditions[::-1] if each.said.place.span.line <= core[-1].place.span.line)
             related = tuple(related_to(core, types, scope.spec.context))
-            yield _told(offender, never_true(core), "change one of them", core[-1].place, related)
+            yield _told(
+                offender,
+                never_true(core),
+                "change one of them" if len(core) > 1 else "change it",
+                core[-1].place,
+                related,
+            )
     for index, pattern in enumerate(patterns):
         for other in patterns[:index]:
             reason = _clash(scope.world, other, pattern)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 from codra_dsl.check.types import BOOL, Type, declared_type
 from codra_dsl.diagnostics import Place
@@ -72,32 +73,32 @@ class World:
     @cached_property
     def types(self) -> Mapping[str, NodeType]:
         """The declared types of nodes, by name."""
-        return {each.name: each for each in self.spec.types[::-1]}
+        return _by_name(self.spec.types)
 
     @cached_property
     def nodes(self) -> Mapping[str, NodeElement]:
         """The nodes that are there from the start, by name."""
-        return {each.name: each for each in self.spec.nodes[::-1]}
+        return _by_name(self.spec.nodes)
 
     @cached_property
     def edges(self) -> Mapping[str, EdgeType]:
         """The types of edges, by name."""
-        return {each.name: each for each in self.spec.edges[::-1]}
+        return _by_name(self.spec.edges)
 
     @cached_property
     def tasks(self) -> Mapping[str, Task]:
         """The tasks, by name."""
-        return {each.name: each for each in self.spec.tasks[::-1]}
+        return _by_name(self.spec.tasks)
 
     @cached_property
     def agents(self) -> Mapping[str, Agent]:
         """The agents, by name."""
-        return {each.name: each for each in self.spec.agents[::-1]}
+        return _by_name(self.spec.agents)
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
         """The context-variables, by name."""
-        return {each.name: each for each in self.spec.context[::-1]}
+        return _by_name(self.spec.context)
 
     @cached_property
     def type_names(self) -> frozenset[str]:
@@ -315,6 +316,16 @@ class World:
 def is_rigid(edge: EdgeType) -> bool:
     """Return whether an edge holds rigid motions."""
     return edge.label == RT
+
+
+_Named = TypeVar("_Named", NodeType, NodeElement, EdgeType, Task, Agent, Variable)
+
+
+def _by_name(elements: Iterable[_Named]) -> Mapping[str, _Named]:
+    found: dict[str, _Named] = {}
+    for element in elements:
+        found.setdefault(element.name, element)
+    return found
 
 
 def _writer(reference: Reference) -> Writer:
