@@ -146,11 +146,12 @@ def _foreign(world: World, pattern: Pattern, thing: Thing, place: Place) -> Diag
     owners = [writer.name for writer in world.writers(thing)]
     who = " and ".join(f"'{owner}'" for owner in owners)
     assert pattern.rule is not None
+    verb = "own" if len(owners) > 1 else "owns"
     own = f"name '{pattern.agent.name}' as its '{'by' if thing.section == 'tasks' else 'source'}'"
     way_out = f"{own}, or leave it to {who}: a rule brings about what its agent owns" if who else own
     return finding(
         "foreign-write",
-        f"rule '{pattern.rule.name}' of {pattern.user} writes {thing}, which {who or 'nobody'} {'own' if len(owners) > 1 else 'owns'}",
+        f"rule '{pattern.rule.name}' of {pattern.user} writes {thing}, which {who or 'nobody'} {verb}",
         place,
         path=pattern.path,
         way_out=way_out,
