@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from codra_dsl.check.lowering import lower
 from codra_dsl.check.types import Problem, Type, Typed, Types, fit, infer, infer_condition
-from codra_dsl.expression import Call, Name, Node, walk
-from codra_dsl.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Skill, Spec
+from codra_dsl.expression import Call, Name, Node, Path, walk
+from codra_dsl.model import Agent, Algorithm, Condition, Hysteresis, Identification, Kind, Members, Skill, Spec
 
 
 class Role(StrEnum):
@@ -19,6 +19,17 @@ class Role(StrEnum):
     ACCEPT_WHEN = "accept_when"
     IDENTIFIES = "identifies"
     MONITOR = "monitor"
+    WAKES = "wakes"
+    BEFORE = "before"
+    DURING = "during"
+    AFTER = "after"
+
+
+OVER_KNOWLEDGE = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
+"""Conditions in patterns: they see context and all other knowledge."""
+
+OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE})
+"""Conditions that see context."""
 
 
 class Result(StrEnum):
@@ -37,6 +48,7 @@ class Site:
         names: every mention of a name in it.
         values: the names whose value it reads: all but those of which it asks `known(x)` or `age(x)`.
         variable: the context-variable that gets its value or is expected to fulfil it.
+        rule: the rule of an agent that it stands in.
     """
 
     role: Role
@@ -46,11 +58,13 @@ class Site:
     values: tuple[Name, ...]
     variable: str | None = None
     result: Result = Result.TRUTH
+    rule: str = ""
 
     @property
     def path(self) -> str:
         """Return the path of the key that it stands under."""
-        return ".".join((*self.owner, self.role))
+        within = ("rules", self.rule) if self.rule else ()
+        return ".".join((*self.owner, *within, self.role))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +83,11 @@ class Judgement:
 def sites(spec: Spec) -> Iterator[Site]:
     """Yield every condition of a spec that could be read."""
     surveyor = _Surveyor()
-    found = (*map(surveyor.of_algorithm, spec.perception), *map(surveyor.of_skill, spec.skills))
+    found = (
+        *map(surveyor.of_algorithm, spec.perception),
+        *map(surveyor.of_skill, spec.skills),
+        *map(surveyor.of_agent, spec.agents),
+    )
     return (site for sites in found for site in sites if site is not None)
 
 
@@ -97,6 +115,19 @@ class _Surveyor:
             for each in skill.monitor
             if each.condition is not None
         ]
+
+    def of_agent(self, agent: Agent) -> list[Site | None]:
+        """Return the conditions among an agent's patterns."""
+        owner, conduct = ("agents", agent.name), agent.conduct
+        found = [self._pattern(Role.WAKES, owner, pattern) for pattern in conduct.wakes]
+        for rule in conduct.rules:
+            for role, patterns in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
+                found += [self._pattern(role, owner, pattern, rule.name) for pattern in patterns]
+        return found
+
+    def _pattern(self, role: Role, owner: tuple[str, str], pattern: Condition, rule: str = "") -> Site | None:
+        site = None if isinstance(pattern.tree, Path) else self._site(role, owner, pattern)
+        return None if site is None else replace(site, rule=rule)
 
     def _site(
         self,
@@ -152,7 +183,7 @@ def judge(site: Site, tree: Node, seen: Types, wanted: Type | None) -> Judgement
         declared = seen.get(tree.name)
         if declared is None or declared.kind is Kind.BOOL:
             return Judgement(site, Typed(tree, declared), ())
-    known = site.role is Role.OBSERVABLE_WHEN
+    known = site.role in OVER_CONTEXT
     if site.result is Result.TRUTH:
         return Judgement(site, *infer_condition(tree, seen, known=known))
     typed, problems = infer(tree, seen, known=known)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from codra_dsl.check.conditions import Role, Site
+from codra_dsl.check.conditions import OVER_CONTEXT, OVER_KNOWLEDGE, Role, Site
 from codra_dsl.check.fixes import quoting, truth
 from codra_dsl.check.mentions import Mention
 from codra_dsl.check.outcomes import links
@@ -42,7 +42,9 @@ def literal_meant(scope: Scope, site: Site, name: str) -> Literal | None:
         if not alone:
             return Literal(f"write '{meant}'", meant)
         return Literal(f"write '{meant}', quotes and all" if site.variable else f"write a condition: x == {meant}")
-    seen = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    seen: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    if site.role in OVER_KNOWLEDGE:
+        seen = {each.name: scope.world.read_type(each.name) for each in site.names}
     types = [seen.get(each.name) or scope.context_types.get(each.name) for each in site.names]
     members = [each.values for each in (*types, scope.wanted(site)) if each is not None and each.kind is Kind.ENUM]
     if not any(name in each for each in members):
@@ -57,7 +59,7 @@ def literal_compared(scope: Scope, mention: Mention) -> str | None:
     site = mention.site
     if site is None or site.condition.tree is None:
         return None
-    in_context = site.role is Role.OBSERVABLE_WHEN
+    in_context = site.role in OVER_CONTEXT
     seen = scope.context_types if in_context else _seen_by(scope, site)
     if isinstance(site.condition.tree, Name):
         owners = (name for name, each in seen.items() if each is not None and mention.name in each.values)

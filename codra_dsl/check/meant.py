@@ -6,23 +6,29 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
-from codra_dsl.expression import Name, Node, names_in
+from codra_dsl.expression import Name, Node, Path, names_in
 from codra_dsl.model import (
     Agent,
+    AgentRule,
     Algorithm,
+    Attribute,
     Condition,
+    EdgeType,
     Expectation,
     Hysteresis,
     Identification,
     Members,
+    NodeType,
     ObserverSetting,
     Reference,
     Resource,
     Returned,
     Skill,
     Spec,
+    Task,
     ValueType,
     Variable,
+    Writer,
 )
 
 Owner = str | tuple[str]
@@ -75,6 +81,7 @@ class _Reading:
     def __init__(self, meant: Meant) -> None:
         self._meant = meant
         self._context = meant.used.get("context", _NONE)
+        self._agents = meant.used.get("agents", _NONE)
 
     def spec(self, spec: Spec) -> Spec:
         """Return a whole spec."""
@@ -85,7 +92,10 @@ class _Reading:
             skills=tuple(map(self._skill, spec.skills)),
             observers=tuple(map(self._observer, spec.observers)),
             resources=self._declared("resources", spec.resources),
-            agents=self._declared("agents", spec.agents),
+            agents=tuple(map(self._agent, self._declared("agents", spec.agents))),
+            types=tuple(map(self._node_type, spec.types)),
+            edges=tuple(map(self._edge, spec.edges)),
+            tasks=tuple(map(self._task, spec.tasks)),
             damaged_keys={self._key(key): self._keys(key, keys) for key, keys in spec.damaged_keys.items()},
         )
 
@@ -103,7 +113,7 @@ class _Reading:
         return tuple(replace(each, name=names[each.name]) if each.name in names else each for each in elements)
 
     def _variable(self, variable: Variable) -> Variable:
-        sources = self._references(variable.sources, self._meant.used.get("agents", _NONE))
+        sources = self._references(variable.sources, self._agents)
         return self._with_members(replace(variable, sources=sources), "context")
 
     def _with_members(self, typed: Typed, owner: Owner) -> Typed:
@@ -156,6 +166,36 @@ class _Reading:
 
     def _observer(self, setting: ObserverSetting) -> ObserverSetting:
         return replace(setting, identifies=self._references(setting.identifies, self._context))
+
+    def _agent(self, agent: Agent) -> Agent:
+        if agent.conduct.is_bare or not self._context:
+            return agent
+        conduct = agent.conduct
+        rules = tuple(map(self._rule, conduct.rules))
+        return replace(agent, conduct=replace(conduct, wakes=self._patterns(conduct.wakes), rules=rules))
+
+    def _rule(self, rule: AgentRule) -> AgentRule:
+        before, during, after = (self._patterns(each) for each in (rule.before, rule.during, rule.after))
+        return replace(rule, before=before, during=during, after=after)
+
+    def _patterns(self, patterns: Iterable[Condition]) -> tuple[Condition, ...]:
+        return tuple(each if isinstance(each.tree, Path) else _condition(each, self._context) for each in patterns)
+
+    def _node_type(self, kind: NodeType) -> NodeType:
+        return replace(kind, sources=self._writers(kind.sources), attributes=self._attributes(kind.attributes))
+
+    def _edge(self, edge: EdgeType) -> EdgeType:
+        return replace(edge, sources=self._writers(edge.sources), attributes=self._attributes(edge.attributes))
+
+    def _attributes(self, attributes: Iterable[Attribute]) -> tuple[Attribute, ...]:
+        return tuple(replace(each, sources=self._writers(each.sources)) for each in attributes)
+
+    def _writers(self, writers: Iterable[Writer]) -> tuple[Writer, ...]:
+        return tuple(replace(each, name=self._agents.get(each.name, each.name)) for each in writers)
+
+    def _task(self, task: Task) -> Task:
+        requesters = self._references(task.requesters, self._agents)
+        return replace(task, by=_reference(task.by, self._agents), requesters=requesters)
 
     def _references(self, references: Iterable[Reference], names: Names) -> tuple[Reference, ...]:
         return tuple(_reference(each, names) for each in references)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from codra_dsl.check.conditions import Role, Site
-from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, USERS, Scope
+from codra_dsl.check.conditions import OVER_CONTEXT, Site
+from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, USERS, Scope
 from codra_dsl.diagnostics import Place
-from codra_dsl.expression import Name
-from codra_dsl.model import Reference
+from codra_dsl.expression import Name, is_name
+from codra_dsl.model import Reference, Writer
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,35 +53,55 @@ def source_mentions(scope: Scope) -> Iterator[Mention]:
         for source in variable.sources:
             if source.name not in (OBSERVER, MAIN_EXECUTION):
                 yield mention_of(source, "context", variable.name, "source")
+    for writer, section, name in _writers(scope):
+        if writer.name not in (OBSERVER, MAIN_EXECUTION):
+            yield mention_of(writer, section, name, "source")
+    for task in scope.spec.tasks:
+        for key, named in (("by", (task.by,)), ("requesters", task.requesters)):
+            for reference in named:
+                if reference.name not in ("", MAIN_EXECUTION):
+                    yield mention_of(reference, "tasks", task.name, key)
+
+
+def _writers(scope: Scope) -> Iterator[tuple[Writer, str, str]]:
+    """Yield the writers of knowledge that are named under `source`, with the element's section and name."""
+    elements = (("types", scope.spec.types), ("edges", scope.spec.edges))
+    for section, each in ((section, each) for section, several in elements for each in several):
+        yield from ((writer, section, each.name) for writer in each.sources)
+        for attribute in each.attributes:
+            yield from ((writer, section, each.name) for writer in attribute.sources)
 
 
 def used_variables(scope: Scope) -> Iterator[str]:
     """Yield the names of all context-variables that something refers to, be they declared or not."""
     yield from (mention.name for mention in references(scope))
     for site in scope.sites:
-        if site.role is Role.OBSERVABLE_WHEN:
-            yield from (name.name for name in site.names)
+        if site.role in OVER_CONTEXT:
+            yield from (name.name for name in site.names if is_name(name.name))
 
 
 def mentions_in_preconditions(scope: Scope) -> Iterator[Mention]:
-    """Yield every name in a precondition that no context-variable has."""
+    """Yield every name in a precondition or a pattern that no context-variable has; names with parts are no such."""
     for site in scope.sites:
-        if site.role is Role.OBSERVABLE_WHEN:
-            yield from mentions_of(site, [name for name in site.names if not scope.declares("context", name.name)])
+        if site.role in OVER_CONTEXT:
+            names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
+            yield from mentions_of(site, names)
 
 
 def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:
     """Yield names of a condition as mentions."""
     for name in names:
-        yield Mention(name.name, site.condition.place_of(name), _user(*site.owner), site.path, site)
+        yield Mention(name.name, site.condition.place_of(name), user_of(*site.owner), site.path, site)
 
 
-def mention_of(reference: Reference, section: str, element: str, key: str) -> Mention:
+def mention_of(reference: Reference | Writer, section: str, element: str, key: str) -> Mention:
     """Return a name that an element has under a key as a mention."""
-    return Mention(reference.name, reference.place, _user(section, element), f"{section}.{element}.{key}")
+    group = "knowledge." if section in UNDER_KNOWLEDGE else ""
+    return Mention(reference.name, reference.place, user_of(section, element), f"{group}{section}.{element}.{key}")
 
 
-def _user(section: str, element: str) -> str:
+def user_of(section: str, element: str) -> str:
+    """Return an element as messages name who refers to something."""
     return f"{USERS[section]} '{element}'"
 
 

@@ -141,7 +141,10 @@ def _places(declared: Mapping[str, Variable] | Mapping[str, Resource] | Mapping[
 
 def _is_returned(scope: Scope, mention: Mention) -> bool:
     """Return whether a name in a precondition is what its algorithm returns."""
-    return mention.site is not None and mention.name in scope.returned_types[mention.site.owner[1]]
+    site = mention.site
+    if site is None or site.owner[0] != "perception":
+        return False
+    return mention.name in scope.returned_types[site.owner[1]]
 
 
 def _meant_literal(scope: Scope, mention: Mention) -> Literal | None:
@@ -225,6 +228,8 @@ def _not_declared(
         message = f"'{first.name}' in {first.user} is {kind}, not {NOUNS[section]}"
         return _told("wrong-kind-of-name", message, f"name {NOUNS[section]} here", first, others)
     rule, noun = _UNKNOWN[section]
+    if section == "agents" and first.path.endswith((".by", ".requesters")):
+        noun = "agent"
     message = f"unknown {noun} '{first.name}' in {first.user}"
     if literal is not None:
         return _told(rule, message, literal.help, first, others, fix=literal.fix((first, *others)))
@@ -254,7 +259,8 @@ def _declare(scope: Scope, mention: Mention, section: str) -> str:
     if mention.site is None and not is_identifier(mention.name):
         return _apart(scope, mention, section)
     if section == "agents":
-        return "write 'observer', 'main_execution', or declare it under 'agents'"
+        others = "'observer', 'main_execution'" if mention.path.startswith("context.") else "'main_execution'"
+        return f"write {others}, or declare it under 'agents'"
     return f"declare '{mention.name}' under '{section}'"
 
 

@@ -10,6 +10,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
 from codra_dsl.check.conditions import parts_of
 from codra_dsl.check.cycles import GRAPH, feedback
+from codra_dsl.check.knowledge.chains import CHAINS
+from codra_dsl.check.knowledge.ends import KNOWLEDGE_TYPES
+from codra_dsl.check.knowledge.frames import FRAMES
+from codra_dsl.check.knowledge.handovers import HANDOVERS
+from codra_dsl.check.knowledge.leftovers import KNOWLEDGE_LEFTOVERS
+from codra_dsl.check.knowledge.names import KNOWLEDGE_NAMES
+from codra_dsl.check.knowledge.owners import OWNERS
+from codra_dsl.check.knowledge.triplets import TRIPLETS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.meanings import TYPES
 from codra_dsl.check.meant import read_as_meant
@@ -25,7 +33,13 @@ from codra_dsl.model import Algorithm, Condition, Expectation, Hysteresis, Ident
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
 
-PHASES: tuple[tuple[Rule, ...], ...] = (NAMES, SOURCES, TYPES, GRAPH, QUALITY)
+PHASES: tuple[tuple[Rule, ...], ...] = (
+    (*NAMES, *KNOWLEDGE_NAMES),
+    (*SOURCES, *OWNERS),
+    (*TYPES, *KNOWLEDGE_TYPES),
+    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS),
+)
 """The rules of each phase."""
 
 
@@ -64,7 +78,8 @@ def _with_members_as_meant(
 
 def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
     """Return the elements that errors are about: the first two steps of their paths."""
-    errors = (each.path.split(".") for each in found if each.severity is Severity.ERROR)
+    paths = (each.path.removeprefix("knowledge.") for each in found if each.severity is Severity.ERROR)
+    errors = (path.split(".") for path in paths)
     return frozenset((section, name) for section, name, *_ in errors)
 
 

@@ -9,7 +9,8 @@ from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl import graph
-from codra_dsl.check.conditions import Judgement, Role, Site, judge, parts_of, sites
+from codra_dsl.check.conditions import OVER_KNOWLEDGE, Judgement, Role, Site, judge, parts_of, sites
+from codra_dsl.check.knowledge.world import World
 from codra_dsl.check.meant import Meant
 from codra_dsl.check.types import Type, Types, declared_type
 from codra_dsl.diagnostics import suggest
@@ -35,6 +36,9 @@ Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, 
 MAIN_EXECUTION = "main_execution"
 OBSERVER = "observer"
 
+UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
+"""The sections that stand together under `knowledge`, which begins the paths of their findings."""
+
 MAX_SUGGESTIONS = 25
 """So many names are compared with all others; from then on an unknown name is reported without a suggestion."""
 
@@ -48,6 +52,10 @@ NOUNS: Mapping[str, str] = {
     "context": "a context-variable",
     "resources": "a resource",
     "agents": "an agent",
+    "types": "a type of nodes",
+    "nodes": "a node",
+    "edges": "an edge",
+    "tasks": "a task",
     "skills": "a skill",
     "perception": "a perception algorithm",
     "observers": "an observer",
@@ -58,6 +66,10 @@ USERS: Mapping[str, str] = {
     "context": "context-variable",
     "resources": "resource",
     "agents": "agent",
+    "types": "type",
+    "nodes": "node",
+    "edges": "edge",
+    "tasks": "task",
     "skills": "skill",
     "perception": "algorithm",
     "observers": "observer",
@@ -141,6 +153,11 @@ class Scope:
         return _by_name(self.spec.agents)
 
     @cached_property
+    def world(self) -> World:
+        """The knowledge graph."""
+        return World(self.spec)
+
+    @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
         """For each variable that has algorithms: their names by rank, then name."""
         found: dict[str, list[Algorithm]] = {}
@@ -187,6 +204,7 @@ class Scope:
             "context": frozenset(self.variables),
             "resources": frozenset(self.resources),
             "agents": frozenset(self.agents),
+            **self.world.sections,
             "skills": frozenset(skill.name for skill in self.spec.skills),
             "perception": frozenset(self.algorithms),
             "observers": frozenset(observer.name for observer in self.spec.observers),
@@ -435,6 +453,10 @@ class Scope:
         wanted = self.wanted(site)
         if site.role is Role.OBSERVABLE_WHEN:
             seen = self.context_types
+        elif site.role in OVER_KNOWLEDGE:
+            seen = {
+                each.name: self.context_types.get(each.name, self.world.read_type(each.name)) for each in site.names
+            }
         elif site.role is Role.MONITOR and site.variable is not None:
             seen = {site.variable: wanted}
         else:

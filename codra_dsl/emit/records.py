@@ -17,7 +17,7 @@ from typing import Any
 from codra_dsl import __version__
 from codra_dsl.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.diagnostics import Place, Span
-from codra_dsl.model import Algorithm, Variable
+from codra_dsl.model import Agent, Algorithm, Variable
 from codra_dsl.project import MANIFEST_FORMAT
 
 GRAPH = "graph.json"
@@ -26,6 +26,8 @@ FORMAT_VERSION = 1
 
 # Where something stands and how it was parsed is no part of what a spec means.
 _NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
+# How agents take part in knowledge is told with what is declared of that.
+_TOLD_APART = frozenset({(Agent, "conduct")})
 # An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
@@ -179,7 +181,8 @@ def model_digest(plan: BuildPlan) -> str:
         spec.resources,
         spec.agents,
     )
-    return _digest(_meaning(meant))
+    known = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
+    return _digest(_meaning((*meant, *known) if spec.knows else meant))
 
 
 def _meaning(value: Any) -> str:
@@ -199,7 +202,7 @@ def _writer(kind: Any) -> Callable[[Any], str]:
     if issubclass(kind, Enum):
         return lambda value: ascii(value.value)
     names = [field.name for field in dataclasses.fields(kind)]
-    meant = [name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO]
+    meant = [name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO | _TOLD_APART]
     shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in meant)])}{'' if meant else ','})"
     fields = [attrgetter(name) for name in meant]
     return lambda value: shape % tuple([_meaning(field(value)) for field in fields])

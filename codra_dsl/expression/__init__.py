@@ -1,6 +1,10 @@
-"""The condition language: tokens, parser, syntax tree, printer. What a condition means is judged by `check`."""
+"""The condition language and the patterns of knowledge: tokens, parsers, syntax trees, printer.
+
+What a condition or a pattern means is judged by `check`.
+"""
 
 from codra_dsl.expression.parser import MAX_DEPTH, parse
+from codra_dsl.expression.patterns import GEOMETRY, EdgeTerm, NodeTerm, Path, parse_pattern, reads_of
 from codra_dsl.expression.printer import to_text
 from codra_dsl.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
 from codra_dsl.expression.tree import (
@@ -26,6 +30,7 @@ from codra_dsl.expression.tree import (
 
 __all__ = [
     "FUNCTIONS",
+    "GEOMETRY",
     "MAX_DEPTH",
     "MAX_LENGTH",
     "WORDS",
@@ -35,20 +40,25 @@ __all__ = [
     "Choice",
     "Compare",
     "Comparison",
+    "EdgeTerm",
     "In",
     "Name",
     "Negative",
     "Node",
+    "NodeTerm",
     "Not",
     "Number",
     "Or",
+    "Path",
     "SyntaxProblem",
     "Text",
     "Truth",
     "is_name",
     "names_in",
     "parse",
+    "parse_pattern",
     "parts",
+    "reads_of",
     "to_text",
     "walk",
 ]

@@ -16,7 +16,6 @@ from codra_dsl.load.values import read_literal, read_type
 from codra_dsl.model import (
     FOREVER_S,
     Access,
-    Agent,
     Algorithm,
     Condition,
     Expectation,
@@ -113,11 +112,6 @@ def build_resource(reader: Reader) -> Resource:
     """Return a resource."""
     slots = reader.number("slots", 0)
     return Resource(name=reader.subject.name, place=reader.place, slots=slots or None)
-
-
-def build_agent(reader: Reader) -> Agent:
-    """Return an agent."""
-    return Agent(name=reader.subject.name, place=reader.place)
 
 
 def _read_call(reader: Reader) -> str:

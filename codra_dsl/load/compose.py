@@ -48,7 +48,9 @@ _MAX_REPARSED = 8_000_000
 _MAX_PIECES = 50
 """How many entries of a mapping may be pieces of one condition."""
 
-CONDITION_KEYS = frozenset({"observable_when", "accept_when", "identifies", "monitor"})
+CONDITION_KEYS = frozenset(
+    {"observable_when", "accept_when", "identifies", "monitor", "wakes", "before", "during", "after"}
+)
 
 _STYLES = {"": Style.PLAIN, None: Style.PLAIN} | {style.value: style for style in Style}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 from codra_dsl.expression import Node, SyntaxProblem, names_in, parse
@@ -72,10 +72,21 @@ def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
     return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
 
 
-def parsed(reader: Reader, node: YamlNode, text: str, letters: Letters, steps: tuple[str, ...]) -> Condition:
-    """Return a condition with its tree, or without one where it does not parse or a finding stands already."""
+def parsed(
+    reader: Reader,
+    node: YamlNode,
+    text: str,
+    letters: Letters,
+    steps: tuple[str, ...],
+    *,
+    grammar: Callable[[str], Node | SyntaxProblem] | None = None,
+) -> Condition:
+    """Return a condition with its tree, or without one where it does not parse or a finding stands already.
+
+    `grammar` parses it, where it is not a plain condition.
+    """
     place = reader.origin.of(node)
-    tree = None if node.reported else _tree(text)
+    tree = None if node.reported else (grammar or _tree)(text)
     if not isinstance(tree, Node):
         reader.damage(*steps)
     placed = PlacedLetters(reader.place_of, letters) if letters else None
@@ -111,7 +122,7 @@ def _torn_until(sequence: SequenceNode, index: int) -> int | None:
 
 def report_syntax(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
     """Report why a condition does not parse."""
-    problem, path = parse(condition.text), reader.subject.part(*steps)
+    problem, path = parse(condition.text), reader.part(*steps)
     comment = _comment_after(reader, node)
     if comment is not None:
         trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
@@ -129,7 +140,7 @@ def _note_comment(reader: Reader, node: YamlNode, condition: Condition, steps: t
     names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()
     if comment is not None and names:
         written = f"{condition.text} #{comment.rstrip()}"
-        reader.suspects.append(Suspect(condition.place, written, names, reader.subject.part(*steps)))
+        reader.suspects.append(Suspect(condition.place, written, names, reader.part(*steps)))
 
 
 def _comment_after(reader: Reader, node: YamlNode) -> str | None:

@@ -14,7 +14,7 @@ import yaml
 from codra_dsl.diagnostics import Diagnostic, Place, Span
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.compose import Parser
-from codra_dsl.load.document import SECTIONS
+from codra_dsl.load.document import KEYS
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.rules import RULES
 from codra_dsl.load.source import MAX_BYTES, file_place
@@ -22,7 +22,7 @@ from codra_dsl.project import yaml_files
 
 _MAY_HAVE_NAME = re.compile(rb"\bname[\"']?[ \t]*:")
 _SAYS_CODRA = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
-_OURS = frozenset({"codra", "templates", "use", *SECTIONS})
+_OURS = frozenset({"codra", "templates", "use", *KEYS})
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 

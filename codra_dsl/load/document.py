@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from codra_dsl.diagnostics import replacing
@@ -18,8 +19,14 @@ from codra_dsl.load.shape import explain_outline
 from codra_dsl.load.source import Source, file_place
 
 VERSION = 1
-SECTIONS = ("context", "resources", "agents", "perception", "skills", "observers")
-"""The sections that hold elements; a template may have each of them."""
+KNOWLEDGE = ("types", "nodes", "edges", "tasks")
+"""The sections that stand together under `knowledge`."""
+
+KEYS = ("context", "resources", "knowledge", "agents", "perception", "skills", "observers")
+"""The keys of a file under which elements stand; a template may have each of them."""
+
+SECTIONS = ("context", "resources", *KNOWLEDGE, "agents", "perception", "skills", "observers")
+"""The sections that hold elements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +65,22 @@ class Document:
         """Return a section, or None where it is absent or empty."""
         node = self.root.value(key)
         return node if isinstance(node, MappingNode) else None
+
+
+def section_of(root: MappingNode, section: str) -> MappingNode | None:
+    """Return a section of a file or a template, or None where it is absent or empty."""
+    holder = root.value("knowledge") if section in KNOWLEDGE else root
+    node = holder.value(section) if isinstance(holder, MappingNode) else None
+    return node if isinstance(node, MappingNode) else None
+
+
+def take_section(root: MappingNode, section: str) -> MappingNode | None:
+    """Return a section of a file and let go of its nodes, or return None where it is absent or empty."""
+    node = section_of(root, section)
+    holder = root.value("knowledge") if section in KNOWLEDGE else root
+    if node is not None and isinstance(holder, MappingNode):
+        holder.take(section)
+    return node
 
 
 def read_document(source: Source, findings: Findings) -> Document | None:
@@ -99,7 +122,7 @@ def _check_version(root: MappingNode, source: Source, findings: Findings) -> boo
             way_out = "write 'codra: 1' in its first line"
             place = source.place(root.start, root.start)
             findings.add("language-version", message, place, help=way_out, fix=version_fix(root, source))
-        return root.unread or any(key in SECTIONS or key in ("templates", "use") for key in root.entries)
+        return root.unread or any(key in KEYS or key in ("templates", "use") for key in root.entries)
     key, value = entry
     if not _is_version(value):
         written = shown(value.text) if isinstance(value, ScalarNode) else "that"
@@ -142,9 +165,22 @@ def _lost(root: MappingNode) -> frozenset[str]:
         strange = key not in known and not isinstance(value, ScalarNode)
         if strange or (key in ("templates", "use", "include") and (not readable or is_unread(value))):
             lost.update(SECTIONS)
+        elif key == "knowledge":
+            lost.update(_lost_of_knowledge(value))
         elif key in SECTIONS and (not readable or is_unread(value)):
             lost.add(key)
     return frozenset(lost)
+
+
+def _lost_of_knowledge(knowledge: YamlNode) -> Iterator[str]:
+    """Yield the sections under `knowledge` that could not be read."""
+    known = isinstance(knowledge, MappingNode) and not knowledge.unread and knowledge.entries.keys() <= {*KNOWLEDGE}
+    if knowledge.data is not None and not known:
+        yield from KNOWLEDGE
+    for key, (_, value) in knowledge.entries.items() if isinstance(knowledge, MappingNode) else ():
+        readable = value.data is None or isinstance(value, MappingNode)
+        if key in KNOWLEDGE and (not readable or is_unread(value)):
+            yield key
 
 
 def _refuse_parameters(root: MappingNode, source: Source, findings: Findings) -> None:

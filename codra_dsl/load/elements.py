@@ -8,7 +8,6 @@ from typing import Any
 from codra_dsl.diagnostics import Related
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.build import (
-    build_agent,
     build_algorithm,
     build_observer,
     build_resource,
@@ -17,6 +16,7 @@ from codra_dsl.load.build import (
 )
 from codra_dsl.load.document import SECTIONS
 from codra_dsl.load.findings import Findings
+from codra_dsl.load.knowledge import as_mapping, build_agent, build_edge, build_node, build_node_type, build_task
 from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, YamlNode
 from codra_dsl.load.origin import NOUNS, Origin, Subject
@@ -33,6 +33,10 @@ _BUILDERS: Mapping[str, Callable[[Reader], Any]] = {
     "observers": build_observer,
     "resources": build_resource,
     "agents": build_agent,
+    "types": build_node_type,
+    "nodes": build_node,
+    "edges": build_edge,
+    "tasks": build_task,
 }
 
 _NONE: Mapping[str, frozenset[str]] = {}
@@ -73,6 +77,8 @@ class Elements:
             if isinstance(node, MappingNode) and node.unread:
                 damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
             element = None
+            if section == "nodes":
+                node = as_mapping(key, node)  # noqa: PLW2901  a name alone says the type
             if isinstance(node, MappingNode):  # what cannot be kept is read for what else is wrong with it
                 reader = Reader(subject, node, self._findings, damaged)
                 element = _BUILDERS[section](reader)

@@ -17,18 +17,27 @@ NOUNS = {
     "observers": "observer",
     "resources": "resource",
     "agents": "agent",
+    "types": "type",
+    "nodes": "node",
+    "edges": "edge",
+    "tasks": "task",
     "templates": "template",
     "use": "use",
 }
 """What an entry of each section is called."""
 
 
+_UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
+_APART = frozenset({"returns", "identifies", "attributes", "rules"})
+
+
 def damaged_key(steps: Sequence[str | int]) -> str:
     """Return how `Spec.damaged_keys` lists what steps lead to within an element: KEY, or KEY.NAME for an entry.
 
-    Entries of `returns` and `identifies` stand for themselves: one that is damaged leaves the others as they are.
+    Entries of `returns`, `identifies`, `attributes` and `rules` stand for themselves: one that is damaged leaves the
+    others as they are.
     """
-    apart = len(steps) > 1 and steps[0] in ("returns", "identifies") and isinstance(steps[1], str)
+    apart = len(steps) > 1 and steps[0] in _APART and isinstance(steps[1], str)
     return ".".join(map(str, steps[:2] if apart else steps[:1]))
 
 
@@ -89,7 +98,8 @@ class Subject:
         if self.section in ("spec", "part"):
             return ""
         around = f"templates.{self.origin.template}." if self.origin.template else ""
-        return f"{around}{self.section}.{self.key.written}"
+        group = "knowledge." if self.section in _UNDER_KNOWLEDGE else ""
+        return f"{around}{group}{self.section}.{self.key.written}"
 
     def part(self, *steps: str | int) -> str:
         """Return the way to something in it."""

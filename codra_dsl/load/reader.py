@@ -18,7 +18,7 @@ from codra_dsl.units import duration_help, parse_duration
 
 _duration = lru_cache(maxsize=1024)(parse_duration)
 
-_MAPPINGS = ("with", "uses", "returns", "identifies")
+_MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules")
 """The keys of elements whose values are mappings."""
 
 Choice = TypeVar("Choice", bound=StrEnum)
@@ -42,9 +42,17 @@ class Reader:
     """
 
     def __init__(
-        self, subject: Subject, node: MappingNode, findings: Findings, damaged: frozenset[str] = frozenset()
+        self,
+        subject: Subject,
+        node: MappingNode,
+        findings: Findings,
+        damaged: frozenset[str] = frozenset(),
+        within: tuple[str, ...] = (),
     ) -> None:
-        """Begin; of the keys in `damaged` it is known already that they cannot be read."""
+        """Begin; of the keys in `damaged` it is known already that they cannot be read.
+
+        `within` leads from the element to `node`, where that is a part of it.
+        """
         self.subject = subject
         self.node = node
         self.findings = findings
@@ -52,26 +60,39 @@ class Reader:
         self.place_of = subject.origin.place
         self.damaged = set(damaged)
         self.suspects: list[Suspect] = []
-        self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
+        self._within = within
+        if not within:
+            self.damaged.update(key for key in _MAPPINGS if key in node.entries and is_unread(node.value(key)))
+
+    def inner(self, node: MappingNode, *steps: str) -> Reader:
+        """Return a reader of a part of the element, which `steps` lead to; what is damaged there is damaged here."""
+        reader = Reader(self.subject, node, self.findings, within=(*self._within, *steps))
+        reader.damaged, reader.suspects = self.damaged, self.suspects
+        return reader
 
     @property
     def place(self) -> Place:
         """The place of the element's name."""
         return self.origin.of(self.subject.key)
 
+    def part(self, *steps: str | int) -> str:
+        """Return the way to something in what it reads."""
+        return self.subject.part(*self._within, *steps)
+
     def damage(self, *steps: str) -> None:
         """Note that what `steps` lead to could not be read."""
-        self.damaged.add(damaged_key(steps))
+        self.damaged.add(damaged_key((*self._within, *steps)))
 
     def fail(
         self, rule: str, message: str, where: YamlNode | Place, way_out: str, *steps: str, fix: Fix | None = None
     ) -> None:
         """Report what is wrong at a place in the element, which `steps` lead to and which is damaged by it."""
         self.damage(*steps)
+        path = self.part(*steps)
         if isinstance(where, Place):
-            self.findings.add(rule, message, where, help=way_out, path=self.subject.part(*steps), fix=fix)
+            self.findings.add(rule, message, where, help=way_out, path=path, fix=fix)
         elif not where.reported:
-            place, path = self.origin.of(where), self.subject.part(*steps)
+            place = self.origin.of(where)
             self.findings.add(rule, message, place, help=way_out, path=path, fix=fix)
 
     def scalar(self, key: str) -> ScalarNode | None:

@@ -78,4 +78,5 @@ RULES = rules(
     ("CDR3031", "call-arguments", _WARNING),
     # Conditions
     ("CDR4001", "condition-syntax", _ERROR),
+    ("CDR4002", "pattern-syntax", _ERROR),
 )

@@ -24,6 +24,8 @@ WHOLE_FILE = ""
 
 _FORMS = {
     "identification": ("cases", "condition"),
+    "node": ("node_object", "name"),
+    "writers": ("priorities", "sources"),
     "parameter_declaration": ("parameter_object", "parameter_type"),
     "saying": ("said_values", "silence"),
     "behaviour": ("behaviour_object", "behaviour_word"),
@@ -48,7 +50,8 @@ def sound(definition: str, data: object) -> bool:
 
 def keys_of(definition: str) -> frozenset[str]:
     """Return the keys that an element of a definition can have."""
-    return frozenset(schema()["$defs"][definition].get("properties", ()))
+    mapping, _ = _FORMS.get(definition, (definition, definition))
+    return frozenset(schema()["$defs"][mapping].get("properties", ()))
 
 
 @cache
@@ -115,6 +118,8 @@ def _branch(anchor: str | None, data: object) -> str | None:
     """Return the definition that a value means which may have several forms."""
     if anchor == "identification" and isinstance(data, dict) and {"enter", "leave", "confirm"} & data.keys():
         return "hysteresis"
+    if anchor == "pattern_or_patterns":
+        return "some_patterns" if isinstance(data, list) else "pattern"
     forms = _FORMS.get(anchor or "")
     return None if forms is None else forms[0 if isinstance(data, dict) else 1]
 

@@ -26,6 +26,17 @@ from codra_dsl.load.traps import (
 from codra_dsl.units import duration_help
 
 _SHORT = 4
+_PARTS: Mapping[str | int, str] = {
+    "returns": "returned value",
+    "parameters": "parameter",
+    "attributes": "attribute",
+    "rules": "rule",
+}
+"""What the parts of an element are called that have names of their own, by the key that they stand under."""
+
+_CONDITIONS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
+"""What falls into the traps of YAML, by the schema's name, and as what it is read."""
+
 _TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
 _ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
 
@@ -62,10 +73,14 @@ def explain_outline(definition: str, root: MappingNode, subject: Subject, findin
 
 
 def _outline(root: MappingNode) -> dict[str, object]:
-    return {
-        key: {} if isinstance(value, MappingNode) and key != "parameters" else value.data
-        for key, (_, value) in root.entries.items()
-    }
+    return {key: _outlined(key, value) for key, (_, value) in root.entries.items()}
+
+
+def _outlined(key: str, value: YamlNode) -> object:
+    """Return what a section is without its elements; the sections under `knowledge` stand one step deeper."""
+    if key == "parameters" or not isinstance(value, MappingNode):
+        return value.data
+    return _outline(value) if key == "knowledge" else {}
 
 
 def _rename(mapping: MappingNode, meant: Mapping[str, str | None]) -> None:
@@ -163,14 +178,13 @@ class _Explanation:
         """Return what a mapping is called: the element itself, or a part of it that has a name."""
         if not path:
             return str(self._subject)
-        if len(path) == 2 and path[0] in ("returns", "parameters"):
-            noun = "returned value" if path[0] == "returns" else "parameter"
-            return f"{noun} {shown(str(path[1]))} of {self._subject}"
+        if len(path) == 2 and path[0] in _PARTS:
+            return f"{_PARTS[path[0]]} {shown(str(path[1]))} of {self._subject}"
         return f"{shown(str(path[-1]))} of {self._subject}"
 
     def _named(self, path: tuple[str | int, ...]) -> str:
         """Return what a value is called."""
-        if not path or (len(path) == 2 and path[0] in ("returns", "parameters")):
+        if not path or (len(path) == 2 and path[0] in _PARTS):
             return self._holder(path)
         if isinstance(path[-1], int):
             return f"item {path[-1] + 1} of {self._named(path[:-1])}"
@@ -262,7 +276,7 @@ class _Explanation:
         return self._place(path)
 
     def _value(self, error: Error) -> None:
-        if error.schema.get("$anchor") in ("condition", "expectation") and self._trapped(error):
+        if error.schema.get("$anchor") in _CONDITIONS and self._trapped(error):
             return
         path = error.path
         if error.keyword == "uniqueItems":
@@ -324,7 +338,7 @@ class _Explanation:
         holder = self._node(error.path[:-1])
         if isinstance(holder, MappingNode) and error.path[-1] in self._torn(holder):
             return True
-        trap = self._trap_of(error.path, node, str(error.schema["$anchor"]))
+        trap = self._trap_of(error.path, node, _CONDITIONS[error.schema["$anchor"]])
         if trap is None:
             return False
         origin = self._subject.origin

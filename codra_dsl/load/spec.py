@@ -11,7 +11,7 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.calls import Declared, check_calls
-from codra_dsl.load.document import SECTIONS, Document, read_document
+from codra_dsl.load.document import SECTIONS, Document, read_document, take_section
 from codra_dsl.load.elements import Elements
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.names import MAX_NAME, is_identifier
@@ -91,7 +91,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
     for part in parts.documents:
         origin = Origin(part.origin.source, module=modules[part.origin.source.file])
         for section in SECTIONS:
-            elements.add(section, part.root.take(section), origin)  # its nodes are needed no more
+            elements.add(section, take_section(part.root, section), origin)  # its nodes are needed no more
     uses.make(parts.documents, modules, elements)
     uses.try_unused()
     elements.report_comments()

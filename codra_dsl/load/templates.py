@@ -17,7 +17,7 @@ from enum import Enum
 
 from codra_dsl.diagnostics import Place
 from codra_dsl.expression.tokens import shown
-from codra_dsl.load.document import SECTIONS
+from codra_dsl.load.document import KEYS, SECTIONS, section_of
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.letters import cut, letters_of
 from codra_dsl.load.names import check_name, is_identifier
@@ -39,13 +39,17 @@ DEFINITIONS = {
     "observers": "observer",
     "resources": "resource",
     "agents": "agent",
+    "types": "node_type",
+    "nodes": "node",
+    "edges": "edge",
+    "tasks": "task",
 }
 """The schema's definition of each section's elements."""
 
 INSTANCE = "instance"
 """The parameter that every template has: the name of the use."""
 
-_KNOWN = frozenset({"parameters", *SECTIONS})
+_KNOWN = frozenset({"parameters", *KEYS})
 _BARE_WORD = re.compile(r"(?<![$\w(])[A-Za-z]\w*(?![\w)])")
 _MAY_SLIP = re.compile(r"[$){]")
 _SOLID = re.compile(r"[\w$).]")
@@ -56,6 +60,8 @@ _CONDITION_KEYS = frozenset(
         ("perception", "accept_when"),
         ("perception", "identifies"),
         ("skills", "monitor"),
+        ("agents", "wakes"),
+        ("agents", "rules"),
     }
 )
 
@@ -170,7 +176,7 @@ def declare(subject: Subject, node: MappingNode, given: Iterable[str], findings:
     """
     origin = Origin(subject.origin.source, None, subject.name)
     explain_outline("template", node, subject, findings)
-    sections = {key: value for key in SECTIONS if isinstance(value := node.value(key), MappingNode)}
+    sections = {key: value for key in SECTIONS if (value := section_of(node, key)) is not None}
     strange = any(key not in _KNOWN and isinstance(value, MappingNode) for key, (_, value) in node.entries.items())
     parameters = _parameters(subject, node, findings)
     unnamed = any(not is_identifier(name) for name in parameters) or is_unread(node.value("parameters"))
@@ -225,11 +231,22 @@ def declared(template: Template, *, is_used: bool) -> DeclaredTemplate:
             if name != INSTANCE
         ),
         resources=tuple(_named(template.sections.get("perception"), "uses")),
-        sources=tuple(_named(template.sections.get("context"), "source")),
+        sources=tuple(_writers(template.sections)),
     )
 
 
-def _named(elements: MappingNode | None, key: str) -> Iterator[str]:
+def _writers(sections: Mapping[str, MappingNode]) -> Iterator[str]:
+    """Yield the names of those who may write what a template makes, or who take part in its tasks."""
+    for section in ("context", "types", "edges"):
+        yield from _named(sections.get(section), "source")
+    for section in ("types", "edges"):
+        for _, element in entries(sections.get(section)):
+            yield from _named(element.value("attributes") if isinstance(element, MappingNode) else None, "source")
+    for key in ("by", "requesters"):
+        yield from _named(sections.get("tasks"), key)
+
+
+def _named(elements: YamlNode | None, key: str) -> Iterator[str]:
     """Yield the names that the elements of a section state under a key: one, a list of them, or keys of a mapping."""
     for _, element in entries(elements):
         stated = element.value(key) if isinstance(element, MappingNode) else None
@@ -432,7 +449,7 @@ def _position(position: Position, section: str, key: str) -> Position:
         return position
     if (section, key) in _CONDITION_KEYS:
         return Position.CONDITION
-    if (section, key) == ("perception", "with"):
+    if (section, key) in (("perception", "with"), ("nodes", "with")):
         return Position.ARGUMENT
     return Position.TEXT if key in _TEXT_KEYS else Position.VALUE
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
+from codra_dsl.check.mentions import source_mentions
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Related
@@ -46,8 +47,11 @@ def unused_resources(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
 
 
 def unused_agents(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
-    """Every agent is the source of something."""
+    """Every agent is the source of something, or takes part in knowledge."""
     sources = [source.name for variable in scope.spec.context for source in variable.sources]
+    if scope.spec.knows:
+        sources += [mention.name for mention in source_mentions(scope)]
+        sources += [agent.name for agent in scope.spec.agents if not agent.conduct.is_bare]
     if scope.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *scope.agents} >= set(sources):
         return
     used = _Used(scope, sources, ((template.name, template.sources) for template in scope.spec.templates))
