@@ -7,13 +7,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from random import Random
 from statistics import fmean
+from typing import Any
 
 import numpy as np
 import pytest
 
-from codra_dsl.experiments.spec_run import Start, compiled
+from codra_dsl.check import check
+from codra_dsl.emit import emit
+from codra_dsl.experiments.loading import load_start
 from codra_dsl.load import load_spec
-from codra_dsl.runtime import SimClock
+from codra_dsl.plan import plan
+from codra_dsl.runtime import ContextManager, SimClock
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
 from codra_dsl.worlds.lab.detection_map import Row, read_table, table, views, write_table
 from codra_dsl.worlds.lab.durations import DURATIONS, Phase
@@ -28,6 +32,7 @@ from tests.worlds.lab.posed import SteadyHand
 ROOT = Path(__file__).parents[3]
 CENTRIFUGE, PCR_CYCLER = "centrifuge", "pcr_cycler"
 SEEDS = range(201, 221)
+Start = Callable[..., ContextManager[Any, Any]]
 
 
 # What is seen of a machine while it is handled
@@ -129,7 +134,9 @@ def without_observers(tmp_path_factory: pytest.TempPathFactory) -> Start:
     spec, _ = load_spec(ROOT / "specs" / "lab.yaml", ROOT / "specs")
     assert spec is not None
     skills = tuple(replace(skill, preview=(), monitor=(), changes=()) for skill in spec.skills)
-    return compiled(replace(spec, skills=skills), tmp_path_factory.mktemp("compiled") / "lab").start
+    checked, _ = check(replace(spec, skills=skills))
+    assert checked is not None
+    return load_start(emit(plan(checked)), spec.name, tmp_path_factory.mktemp("compiled"))
 
 
 def open_and_close(start: Start, seed: int) -> tuple[Sequential, Sequential]:
