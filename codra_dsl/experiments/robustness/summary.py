@@ -16,7 +16,7 @@ from codra_dsl.experiments.robustness.findings import (
 )
 from codra_dsl.experiments.robustness.frames import DetectedAgain
 from codra_dsl.experiments.robustness.mistakes import Mistake
-from codra_dsl.experiments.statistics import Estimate, ratio_of_sums
+from codra_dsl.experiments.statistics import Estimate, Share, ratio_of_sums
 
 HOPED_RATIO = 0.985
 """Of `centrifuge_open` with preconditions and need, in P1's counting."""
@@ -107,6 +107,21 @@ def cause_sentences(runs: Runs) -> Iterator[str]:
             seen, changed = found.seen_wrongly_s, found.changed_since_s
             told.append(f"{arm} {seen + changed:.0f} s ({seen:.0f} s seen wrongly, {changed:.0f} s changed since)")
         yield f"Seconds with a wrong {label(variable)}: {'; '.join(told)}."
+        yield _without_lag(runs, variable)
+
+
+def _without_lag(runs: Runs, variable: str) -> str:
+    """Tell what the ratio were if only what was seen wrongly counted: what perception itself is to blame for."""
+    told = []
+    for arm in runs.arms:
+        wrong_s, right_s = runs.causes((variable,), arm).seen_wrongly_s, runs.whole(variable, arm).right_s
+        told.append(f"{_number(ratio_of_sums([Share(right_s, right_s + wrong_s)]))} with {arm}")
+    lag_s = {arm: runs.lags(variable, arm).quantile_s(0.5) for arm in runs.arms}
+    slow = ", ".join("never" if found is None else f"{found:.0f} s" for found in lag_s.values())
+    return (
+        f"If only what was seen wrongly counted as wrong, the ratio of {label(variable)} over whole runs were "
+        f"{', '.join(told)}; the median lag after a change is {slow}, in the same order."
+    )
 
 
 def decision_sentences(runs: Runs, found: Sequence[Mistake]) -> Iterator[str]:
