@@ -70,6 +70,16 @@ def test_the_same_seed_and_instant_give_the_same_pixels(world: LabWorld, source:
         assert np.array_equal(other.frame_at(1.0).pixels, source.frame_at(1.0).pixels)
 
 
+def test_what_was_drawn_before_leaves_no_trace_in_a_frame(world: LabWorld, source: FrameSource) -> None:
+    put(world, Quantity.LIGHT, 0.4, at_s=2.0)
+    set_joint(world, "pcr_cycler", Part.LID, 1.0, at_s=3.0)
+    world.schedule(4.0, [world.moves_to(4.0, camera_key(), (0.0,), 1.0)])
+
+    for instant_s in (1.0, 1.5, 2.5, 3.5, 4.5, 6.0, 1.2):
+        with FrameSource(world) as other:
+            assert np.array_equal(source.frame_at(instant_s).pixels, other.frame_at(instant_s).pixels)
+
+
 def test_noise_depends_on_seed_and_instant(source: FrameSource) -> None:
     other_world = LabWorld(SEED + 1)
     stand_before(other_world, "pcr_cycler", OVERVIEW)
