@@ -84,7 +84,7 @@ def store_frame(frame: Frame, path: Path) -> None:
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     _, data = cv2.imencode(".png", cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
-    path.write_bytes(data)
+    path.write_bytes(data.tobytes())
 
 
 # Which frames are kept
