@@ -84,32 +84,38 @@ def experiment_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Run an experiment and report what was found. A run that was stopped goes on where it was."""
-    try:
-        from codra_dsl.experiments.experiment import Settings
-        from codra_dsl.experiments.provenance import versions
-        from codra_dsl.experiments.registry import experiments
-
-        versions()
-    except ModuleNotFoundError as error:  # also of importlib.metadata
-        say(f"codra: 'experiment' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
-        raise typer.Exit(ExitCode.FAILED) from error
-
+    known = _known()
     if name is None:
-        write_result(_listed(experiments()))
+        write_result(_listed(known))
         return
-    if ":" not in name and name not in experiments():
-        _refuse_name(name, experiments())
+    if ":" not in name and name not in known:
+        _refuse_name(name, known)
     (spec,) = existing([spec])
     root = common_root([spec])
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
-    found = _experiment(name)
+    found = known.get(name) or _own(name)
     lab_spec(spec, root, color)
     folder = made_folder(out if out is not None else Path("runs") / found.name)
-    settings = Settings(spec=spec, seeds=found.seeds if seeds is None else seeds, folder=folder)
+    settings = _settings(found, spec, seeds, folder)
     if trial is None:
         _report(found, settings, root, processes)
     else:
         _run_alone(_named(trial, found.trials(settings)), settings)
+
+
+def _known() -> Mapping[str, Experiment]:
+    """Return the experiments by name, once all is there that any of them, or a report, needs."""
+    from codra_dsl.experiments.interrupts import interrupts_held_back
+
+    try:
+        with interrupts_held_back():  # some libraries take one for an error of their own while they are loaded
+            from codra_dsl.experiments import provenance, results  # noqa: F401
+            from codra_dsl.experiments.registry import experiments
+
+            return experiments()
+    except ModuleNotFoundError as error:
+        say(f"codra: 'experiment' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
+        raise typer.Exit(ExitCode.FAILED) from error
 
 
 def _listed(known: Mapping[str, Experiment]) -> str:
@@ -125,15 +131,20 @@ def _refuse_name(name: str, known: Mapping[str, Experiment]) -> NoReturn:
     raise typer.BadParameter(f"there is no experiment '{name}': {way_out}", param_hint="NAME")
 
 
-def _experiment(name: str) -> Experiment:
-    from codra_dsl.experiments.registry import NoExperimentError, experiment_in, experiments
+def _own(place: str) -> Experiment:
+    """Return an experiment of the project's own."""
+    from codra_dsl.experiments.registry import NoExperimentError, experiment_in
 
-    if ":" not in name:
-        return experiments()[name]
     try:
-        return experiment_in(name)
+        return experiment_in(place)
     except NoExperimentError as error:
         raise typer.BadParameter(str(error), param_hint="NAME") from error
+
+
+def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Path) -> Settings:
+    from codra_dsl.experiments.experiment import Settings
+
+    return Settings(spec=spec, seeds=experiment.seeds if seeds is None else seeds, folder=folder)
 
 
 def _named(name: str, trials: Sequence[Trial]) -> Trial:

@@ -14,7 +14,8 @@ from codra_dsl.worlds.lab.tags import detect
 
 _OUTLINE = (0, 200, 0)
 _TEXT = (0, 0, 255)
-_QUALITY = 80
+_QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 80)
+_COLOURS_OF_EVERY_PIXEL = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
 _FRACTION_BITS = 4
 """OpenCV draws between pixels where coordinates are in sixteenths."""
 
@@ -36,7 +37,7 @@ def developed(path: Path) -> bytes:
         cv2.polylines(drawn, [corners], True, _OUTLINE, 1, cv2.LINE_AA, _FRACTION_BITS)
         place = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
         cv2.putText(drawn, str(tag_id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT, 1, cv2.LINE_AA)
-    _, data = cv2.imencode(".jpg", drawn, (cv2.IMWRITE_JPEG_QUALITY, _QUALITY))
+    _, data = cv2.imencode(".jpg", drawn, (*_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
     return bytes(data)
 
 

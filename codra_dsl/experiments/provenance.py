@@ -5,11 +5,12 @@ from __future__ import annotations
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 import cv2
 import mujoco
+import numpy as np
+import scipy
 
 from codra_dsl import __version__
 from codra_dsl.revisions import Repository, RevisionError
@@ -61,10 +62,10 @@ def versions() -> Mapping[str, str]:
     return {
         "codra": __version__,
         "Python": platform.python_version(),
-        "NumPy": metadata.version("numpy"),
+        "NumPy": np.__version__,
         "OpenCV": cv2.__version__,
         "MuJoCo": mujoco.__version__,
-        "SciPy": metadata.version("scipy"),
+        "SciPy": scipy.__version__,
     }
 
 

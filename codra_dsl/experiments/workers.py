@@ -10,7 +10,6 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from multiprocessing import connection, resource_tracker
@@ -18,6 +17,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import codra_dsl
+from codra_dsl.experiments.interrupts import interrupts_held_back
 from codra_dsl.experiments.outcomes import Outcome
 from codra_dsl.experiments.records import ChangedMeanwhileError, TrialRecord
 from codra_dsl.experiments.spec_run import SpecError
@@ -132,7 +132,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
     resource_tracker.ensure_running()  # later it would let interrupts through again as it starts
     try:
         while waiting or running:
-            with _interrupts_held_back():  # also until it is known whom to end
+            with interrupts_held_back():  # also until it is known whom to end
                 while waiting and len(running) < processes:
                     worker = _started(waiting.pop(), staging / str(len(waiting)))
                     running[worker.told] = worker
@@ -153,19 +153,6 @@ def _started(record: TrialRecord, staging: Path) -> _Worker:
     process.start()
     theirs.close()
     return _Worker(record, process, ours)
-
-
-@contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Let Ctrl-C at a terminal, which goes to all processes, reach those that begin here never, and us a little later.
-
-    A process inherits which signals it holds back.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
