@@ -185,7 +185,7 @@ def wrong_spans(record: Record, truth: Mapping[str, Sequence[Piece]]) -> Mapping
     return {name: _wrong(events, truth[name]) for name, events in found.items()}
 
 
-def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> Sequence[WrongSpan]:
+def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
     spans: list[WrongSpan] = []
     ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
     for event, end_s in zip(events, ends, strict=False):  # no event at all leaves one end
@@ -198,7 +198,7 @@ def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> Sequence[WrongSpa
             if spans and spans[-1].end_s == start_s and spans[-1].was_true == was_true:
                 start_s = spans.pop().start_s
             spans.append(WrongSpan(start_s, min(held.end_s, fact.end_s), was_true))
-    return spans
+    return tuple(spans)
 
 
 def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:

@@ -172,7 +172,16 @@ def test_every_finding_has_a_way_out_and_a_path_that_names_its_element() -> None
         for each in check(spec)[1] if spec is not None else ():
             section, name, *_ = each.path.split(".")
             assert each.help
-            assert section in ("context", "perception", "skills", "observers", "resources", "agents", "templates")
+            assert section in (
+                "context",
+                "perception",
+                "skills",
+                "observers",
+                "resources",
+                "agents",
+                "templates",
+                "knowledge",
+            )
             assert name
 
 

@@ -63,6 +63,7 @@ def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, floa
         decisions=[],
         skills=[],
         kept=[],
+        interruptions=[],
     )
 
 
@@ -187,7 +188,11 @@ def decision(held: bool | None, fact: bool, *, fresh: bool) -> Decision:
         answer=fact,
         answered_s=2.0,
         looked_s=1.0,
+        waited_s=0.0,
+        has_looked=True,
+        unanswered="",
         wrong={},
+        wrong_answer=None,
     )
 
 

@@ -171,9 +171,9 @@ def test_a_look_shows_the_part_and_most_of_the_base(machine: str, part: Part) ->
 def test_a_look_takes_as_long_as_the_paper_says_and_ends_at_rest() -> None:
     """P1, section 4.2: 15.8 and 16.9 s were saved for each perception task, 87 and 89 % of it."""
     there = lab_at(PCR_CYCLER)
-    took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(2)]
+    took_s = [there.seconds_of(lambda: there.robot.look_at(PCR_CYCLER, Part.LID)) for _ in range(60)]
 
-    assert all(18.0 < look_s + LOOK_TAKES_S < 19.0 for look_s in took_s)
+    assert 18.0 < fmean(took_s) + LOOK_TAKES_S < 19.0
     assert not there.world.moves_within(there.clock.now_s() - 1.0, there.clock.now_s() + 1.0)
 
 
