@@ -41,6 +41,7 @@ OUTCOME = Outcome(
     arms={},
     decisions=(),
     skills=(),
+    interruptions=[],
     kept=(),
 )
 PROVENANCE = Provenance(
