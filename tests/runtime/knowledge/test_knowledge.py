@@ -342,6 +342,21 @@ def test_a_transaction_that_the_program_breaks_off_changes_nothing() -> None:
     assert "box" not in knowledge.snapshot()
 
 
+def test_what_a_transaction_that_failed_wrote_is_in_no_history() -> None:
+    knowledge = store()
+    navigation = knowledge.as_agent("navigation")
+
+    def attempt() -> None:
+        with navigation.transaction() as write:
+            write.set("battery", "level", 1.0)
+            raise TimeoutError
+
+    with pytest.raises(TimeoutError):
+        attempt()
+    navigation.set("battery", "level", 2.0)
+    assert [each.value for each in knowledge.snapshot().history("battery", "level")] == [80.0, 2.0]
+
+
 def test_a_transaction_is_done_again_on_what_others_have_written_meanwhile() -> None:
     knowledge = store()
     detection, people = knowledge.as_agent("container_detection"), knowledge.as_agent("person_detection")
