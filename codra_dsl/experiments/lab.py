@@ -19,8 +19,11 @@ from codra_dsl.runtime import Clock, Journal, Record, SimClock, Spent, WallClock
 from codra_dsl.runtime.context import MAIN
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
+from codra_dsl.worlds.lab.disturbances import disturb
 from codra_dsl.worlds.lab.eyes import Eyes
 from codra_dsl.worlds.lab.frame import Camera, Frame
+from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory
+from codra_dsl.worlds.lab.layout import surveyed
 from codra_dsl.worlds.lab.mission import Expect, Mission, MissionError
 from codra_dsl.worlds.lab.robot import Localization, Robot
 from codra_dsl.worlds.lab.truth import GroundTruth, TruthSpan
@@ -152,6 +155,7 @@ class LabSettings:
 
     Attributes:
         seed: of everything that chance decides.
+        laboratory: in which the robot works.
         duration_s: how long at most; None for as long as the work takes.
         work: what the main execution does.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
@@ -166,6 +170,7 @@ class LabSettings:
     """
 
     seed: int = 1
+    laboratory: Laboratory = LABORATORY
     duration_s: float | None = None
     work: Work = ONE_LOOP
     answering: str | None = None
@@ -186,7 +191,8 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         settings: how to run.
     """
     with ExitStack() as stack:
-        world = LabWorld(settings.seed)
+        stack.enter_context(surveyed(settings.laboratory.machines))
+        world = LabWorld(settings.seed, settings.laboratory)
         frames = stack.enter_context(FrameSource(world))
         clock = _clock(settings, stack)  # last of all that takes long: in real time it runs from here
         camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
@@ -203,6 +209,7 @@ def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
         robot = Robot(world, clock, Random(f"{settings.seed} robot"))
         eyes = Eyes(robot, own_camera, audience, clock, seed=settings.seed)
         mission = Mission(robot, eyes, audience, clock, settings.expect)
+        disturb(world, clock)
         interruptions: list[tuple[float, str]] = []
         error = _execute(mission, settings, clock, interruptions)
         end_s = clock.now_s()

@@ -29,6 +29,7 @@ from codra_dsl.runtime import Reading, Record
 from codra_dsl.runtime.conditions import Value
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +39,7 @@ class Trial:
     Attributes:
         name: unique in its experiment; also the name of the file that keeps what came of it.
         spec: the file of the experiment's spec.
+        laboratory: in which the robot works.
         answering: the arm that answers the main execution's decisions; None if it looks at each of them.
         decision_s: how long it takes to ask that arm.
         repair_s: how long it takes to set things right after an unrecoverable error; None if that ends the run.
@@ -50,6 +52,7 @@ class Trial:
     spec: Path
     seed: int
     arms: tuple[Arm, ...]
+    laboratory: Laboratory = LABORATORY
     answering: str | None = None
     decision_s: float = 0.0
     repair_s: float | None = None
@@ -72,6 +75,7 @@ def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = la
     spec = loaded(trial.spec)
     settings = LabSettings(
         seed=trial.seed,
+        laboratory=trial.laboratory,
         duration_s=trial.duration_s,
         work=trial.work,
         answering=trial.answering,

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from codra_dsl.worlds.lab import gl
 from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.laboratory import Laboratory
 from codra_dsl.worlds.lab.layout import INTRINSICS
 from codra_dsl.worlds.lab.poses import Pose, rotation_about
 from codra_dsl.worlds.lab.scene import CAMERA_NAME, Stage
@@ -32,8 +33,6 @@ EXPOSURE_S = 0.012
 """How long the shutter is open; a frame's stamp is its end."""
 
 LENS_BLUR_PX = 0.7
-NOISE_GREYS = 3.0
-"""Standard deviation of the sensor's noise, of 255, independent in each pixel and colour."""
 
 _SHARP_BELOW_PX = 0.2
 """Motion within an exposure that leaves a frame as sharp as one of a still scene."""
@@ -52,7 +51,7 @@ _LEFT_OUT = (
 )
 """What MuJoCo draws unless told not to, at three times the cost; shadows also disturb the poses of tags."""
 
-_UNSEEN = frozenset({"t_s", "light", "is_localized"})
+_UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
 """What of a state shows nowhere in a picture of the room in ordinary light."""
 
 Pixels = NDArray[np.uint8]
@@ -110,7 +109,7 @@ class FrameSource:
         self._lock = Lock()
         self._is_closed = False
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
-        self._renderer = self._thread.submit(_Renderer, gl.choose_backend()).result()
+        self._renderer = self._thread.submit(_Renderer, gl.choose_backend(), world.laboratory).result()
         self.rendered = 0
 
     def __enter__(self) -> FrameSource:
@@ -191,8 +190,8 @@ class _Renderer:
         with cls._counting:
             cls.frames_of_process += 1
 
-    def __init__(self, backend: str) -> None:
-        self._stage = Stage()
+    def __init__(self, backend: str, laboratory: Laboratory) -> None:
+        self._stage = Stage(laboratory)
         self._context = gl.make_context(backend, INTRINSICS.width, INTRINSICS.height)
         self._context.make_current()
         self._mujoco_context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
@@ -244,7 +243,7 @@ class _Optics:
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
-        bank = np.random.default_rng(7).normal(0.0, NOISE_GREYS, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
+        bank = np.random.default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
         noise = np.round(bank)
         self._brighter, self._darker = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
         self._mounting = _mounting_error(world.seed)

@@ -15,7 +15,7 @@ from typing import Any
 from codra_dsl.worlds.lab import perception
 from codra_dsl.worlds.lab.context import Context
 from codra_dsl.worlds.lab.frame import Camera
-from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.layout import Part
 from codra_dsl.worlds.lab.robot import Clock, Robot
 
 VISION = "vision"
@@ -76,13 +76,18 @@ class Eyes:
         """Find out the value of a context-variable; None if it cannot be seen in several looks."""
         if variable == "robot_is_localized":
             return self._robot.is_localized()
-        machine = next(name for name in MACHINES if variable.startswith(f"{name}_"))
+        machine = self._machine_of(variable)
         if variable.endswith("_in_manipulation_distance"):
             found = perception.measure_distance(machine=machine, base=self._robot, job=self._job)
             return bool(found["distance"] < MANIPULATION_DISTANCE_M)
         way = _ways(machine)[variable.removeprefix(f"{machine}_")]
         answers = (self._look(way) for _ in range(LOOKS))
         return next((answer for answer in answers if answer is not None), None)
+
+    def _machine_of(self, variable: str) -> str:
+        """Return the machine that a variable is about: the longest name with which it begins."""
+        names = (machine.name for machine in self._robot.laboratory.machines)
+        return max((name for name in names if variable.startswith(f"{name}_")), key=len)
 
     def _look(self, way: _Way) -> bool | None:
         self._robot.look_at(way.machine, way.part)

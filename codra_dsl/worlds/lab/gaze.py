@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.layout import Machine, Part
 from codra_dsl.worlds.lab.poses import Array, Pose, looking_at
 from codra_dsl.worlds.lab.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, PCR_CYCLER_KNOB_M
 
@@ -22,6 +22,7 @@ _OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.15, 0.0, 0.90, 0.10, 0.0, 0.437),
         "pcr_cycler": (0.92, 0.0, 0.64, 0.05, 0.0, 0.275),
+        "shaker": (1.00, 0.0, 0.74, 0.08, 0.0, 0.33),
     }
 )
 """The whole machine with its lid closed or open, in the machine's base frame."""
@@ -30,6 +31,7 @@ _FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (1.12, -0.15, 0.88, 0.12, 0.0, 0.437),
         "pcr_cycler": (0.88, -0.10, 0.58, 0.06, -0.02, 0.27),
+        "shaker": (0.98, -0.12, 0.70, 0.09, -0.01, 0.33),
     }
 )
 """The same from half left, to check the latch."""
@@ -41,6 +43,7 @@ _READY: Mapping[str, Gaze] = MappingProxyType(
     {
         "centrifuge": (0.85, 0.0, 0.78, 0.27, 0.0, 0.36),
         "pcr_cycler": (0.86, 0.06, 0.60, 0.07, 0.02, 0.272),
+        "shaker": (0.88, 0.04, 0.72, 0.12, 0.01, 0.37),
     }
 )
 """Where the arm returns to after it touched a machine. That near, an open lid of the large one is out of view."""
@@ -58,6 +61,8 @@ _GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyTyp
         ("centrifuge", Part.ROTOR): (0.0, 0.0, 0.02),
         ("pcr_cycler", Part.LID): PCR_CYCLER_HANDLE_M,
         ("pcr_cycler", Part.LATCH): PCR_CYCLER_KNOB_M,
+        ("shaker", Part.LID): (0.435, 0.0, 0.055),
+        ("shaker", Part.LATCH): (0.0, 0.02, 0.0),
     }
 )
 """Where the fingers hold a part, in the part's frame."""
@@ -69,42 +74,44 @@ _HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, flo
         ("centrifuge", Part.ROTOR): ((1.05, 0.0), (1.05, 0.0)),
         ("pcr_cycler", Part.LID): ((0.45, 0.50), (1.07, 0.84)),
         ("pcr_cycler", Part.LATCH): ((0.20, 0.03), (0.20, 0.03)),
+        ("shaker", Part.LID): ((0.55, 0.0), (0.05, 0.0)),
+        ("shaker", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
     }
 )
 """How far the hand points down, and from the right to the left, at the two ends of a part's motion."""
 
 _TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
-    {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23)}
+    {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23), "shaker": (0.04, 0.0, 0.26)}
 )
 """Where a machine holds the sample tray, in its base frame."""
 
 
-def observation_gaze(machine: str, part: Part) -> Gaze:
-    """Return from where a part shows well, in the machine's base frame."""
+def observation_gaze(shape: str, part: Part) -> Gaze:
+    """Return from where a part of a machine of a shape shows well, in the machine's base frame."""
     if part is Part.ROTOR:
         return _INTO_THE_BOWL
-    return _FROM_THE_SIDE[machine] if part is Part.LATCH else _OVERVIEW[machine]
+    return _FROM_THE_SIDE[shape] if part is Part.LATCH else _OVERVIEW[shape]
 
 
-def ready_gaze(machine: str) -> Gaze:
-    """Return where the arm waits after it touched a machine, in the machine's base frame."""
-    return _READY[machine]
+def ready_gaze(shape: str) -> Gaze:
+    """Return where the arm waits after it touched a machine of a shape, in the machine's base frame."""
+    return _READY[shape]
 
 
-def grip_gaze(machine: str, part: Part, angle_rad: float) -> Gaze:
+def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:
     """Return the gaze while the fingers hold a part whose joint is at an angle, in the machine's base frame."""
-    joint = MACHINES[machine].joint(part)
-    base_from_part = MACHINES[machine].map_from_base.inverse() @ MACHINES[machine].map_from_part(part, angle_rad)
+    joint = machine.joint(part)
+    base_from_part = machine.map_from_base.inverse() @ machine.map_from_part(part, angle_rad)
     low_rad, high_rad = joint.range_rad
-    first_rad, last_rad = (np.array(hand_rad) for hand_rad in _HAND_RAD[machine, part])
+    first_rad, last_rad = (np.array(hand_rad) for hand_rad in _HAND_RAD[machine.shape, part])
     share = (angle_rad - low_rad) / (high_rad - low_rad)
     pitch_rad, yaw_rad = first_rad + (last_rad - first_rad) * share
-    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine, part])), pitch_rad, yaw_rad)
+    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine.shape, part])), pitch_rad, yaw_rad)
 
 
-def tray_gaze(machine: str) -> Gaze:
-    """Return the gaze while the fingers hold the tray in a machine, in the machine's base frame."""
-    return _gaze_at_finger_tip(np.array(_TRAY_M[machine]), pitch_rad=0.95, yaw_rad=0.0)
+def tray_gaze(shape: str) -> Gaze:
+    """Return the gaze while the fingers hold the tray in a machine of a shape, in the machine's base frame."""
+    return _gaze_at_finger_tip(np.array(_TRAY_M[shape]), pitch_rad=0.95, yaw_rad=0.0)
 
 
 def stand_off(gaze: Gaze) -> Gaze:

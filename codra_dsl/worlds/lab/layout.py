@@ -5,11 +5,14 @@ Perception may know this file (a robot's map of its tags). It never knows the st
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import cos, hypot, pi, sin
+from threading import Lock
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -67,17 +70,27 @@ class Joint:
     range_rad: tuple[float, float]
 
 
+class Shape(StrEnum):
+    """What machines there are; those of one shape differ in where they stand, their names and the ids of their tags."""
+
+    CENTRIFUGE = "centrifuge"
+    PCR_CYCLER = "pcr_cycler"
+    SHAKER = "shaker"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Machine:
     """A machine on its table.
 
     Attributes:
+        name: unique in its laboratory; the instance of a spec's template that is about it.
         map_from_base: the machine's base in the laboratory's map (not the robot's base): origin on the table top under
             the middle of the housing, x out of the front towards who stands before it, y to that one's right, z up.
         joints: one per moving part: the lid opens with growing angle, the latch locks at 0 rad, the rotor turns freely.
     """
 
     name: str
+    shape: Shape
     map_from_base: Pose
     joints: tuple[Joint, ...]
     tags: tuple[Tag, ...]
@@ -109,6 +122,24 @@ class Machine:
         x_m, y_m, _ = map_from_robot.translation_m - self.map_from_base.translation_m
         return hypot(x_m, y_m)
 
+    def parts(self) -> tuple[Part, ...]:
+        """Return its parts: the base first, then those that move."""
+        return (Part.BASE, *(joint.part for joint in self.joints))
+
+    def standing(self, x_m: float, y_m: float, heading_rad: float) -> Machine:
+        """Return the same machine at another place: its table is as high as before."""
+        height_m = float(self.map_from_base.translation_m[2])
+        return replace(self, map_from_base=_on_table(x_m, y_m, heading_rad, height_m))
+
+    def named(self, name: str, first_tag_id: int) -> Machine:
+        """Return another machine of this shape, whose tags are numbered from an id on."""
+        ids = {tag.tag_id: first_tag_id + index for index, tag in enumerate(self.tags)}
+        return replace(self, name=name, tags=tuple(replace(tag, tag_id=ids[tag.tag_id]) for tag in self.tags))
+
+    def with_tags(self, scale: float) -> Machine:
+        """Return the same machine with tags so many times as large, in the same places."""
+        return replace(self, tags=tuple(replace(tag, size_m=tag.size_m * scale) for tag in self.tags))
+
 
 INTRINSICS = Intrinsics(width=640, height=480, focal_px=554.256)
 """The arm camera: 60 degrees wide, 46.8 degrees high."""
@@ -118,6 +149,7 @@ TILE_PER_TAG = 10 / 8
 
 _CENTRIFUGE_PANEL_RAD = 0.52
 _PCR_CYCLER_PANEL_RAD = 0.60
+_SHAKER_PANEL_RAD = 0.50
 """How far up the front panels look."""
 
 
@@ -175,7 +207,8 @@ def _centrifuge() -> Machine:
         _tag(17, Part.ROTOR, 0.080, _facing(pi / 2, (-0.085, 0.0, 0.0))),
     )
     return Machine(
-        name="centrifuge",
+        name=Shape.CENTRIFUGE.value,
+        shape=Shape.CENTRIFUGE,
         map_from_base=_on_table(2.2, 5.2, -pi / 2, 0.50),
         joints=(_hinge(-0.22, 0.33, 1.35), _lever(_on_panel(panel, 0.0, -0.06, 0.02)), rotor),
         tags=tags,
@@ -199,9 +232,38 @@ def _pcr_cycler() -> Machine:
         _tag(27, Part.LATCH, 0.048, _up_a_lever(0.05)),
     )
     return Machine(
-        name="pcr_cycler",
+        name=Shape.PCR_CYCLER.value,
+        shape=Shape.PCR_CYCLER,
         map_from_base=_on_table(3.4, 3.0, -pi / 2, 0.72),
         joints=(_hinge(-0.16, 0.21, 1.15), _lever(_on_panel(panel, 0.0, -0.045, 0.015))),
+        tags=tags,
+    )
+
+
+def shaker(x_m: float, y_m: float, heading_rad: float) -> Machine:
+    """Return a bench-top shaker, 0.48 m wide: three tags on its front, two on its lid, one on its lever.
+
+    It is in no laboratory by itself.
+
+    Args:
+        x_m: where it stands in the map.
+        y_m: likewise.
+        heading_rad: where its front looks.
+    """
+    panel = _facing(_SHAKER_PANEL_RAD, (0.27, 0.0, 0.16))
+    tags = (
+        _tag(30, Part.BASE, 0.080, _on_panel(panel, -0.18, 0.045, 0.0)),
+        _tag(31, Part.BASE, 0.080, _on_panel(panel, 0.18, 0.045, 0.0)),
+        _tag(32, Part.BASE, 0.080, _on_panel(panel, -0.18, -0.055, 0.0)),
+        _tag(33, Part.LID, 0.080, _facing(-0.36, (0.405, -0.115, 0.055))),
+        _tag(34, Part.LID, 0.080, _facing(-0.36, (0.405, 0.115, 0.055))),
+        _tag(35, Part.LATCH, 0.056, _up_a_lever(0.06)),
+    )
+    return Machine(
+        name=Shape.SHAKER.value,
+        shape=Shape.SHAKER,
+        map_from_base=_on_table(x_m, y_m, heading_rad, 0.64),
+        joints=(_hinge(-0.19, 0.26, 1.25), _lever(_on_panel(panel, 0.0, -0.05, 0.018))),
         tags=tags,
     )
 
@@ -218,15 +280,49 @@ def _on_table(x_m: float, y_m: float, heading_rad: float, height_m: float) -> Po
 MACHINES: Mapping[str, Machine] = MappingProxyType(
     {machine.name: machine for machine in (_centrifuge(), _pcr_cycler())}
 )
-"""The machines by name."""
+"""The machines of the laboratory that the protocol describes, by name."""
+
+
+class _Survey:
+    """What this process's robot was told of its laboratory."""
+
+    machines: ClassVar[Mapping[str, Machine]] = MACHINES
+    telling: ClassVar[Lock] = Lock()
+
+
+@contextmanager
+def surveyed(machines: Iterable[Machine]) -> Iterator[None]:
+    """Let perception in this process go by these machines, to the end of the `with` statement.
+
+    Perception functions name a machine and see frames. What they know of it comes from the tag survey of the
+    laboratory that the robot works in; a process has one robot.
+
+    Raises:
+        RuntimeError: another laboratory is being worked in.
+    """
+    if not _Survey.telling.acquire(blocking=False):
+        raise RuntimeError("this process's robot already works in a laboratory; run another one in another process")
+    before = _Survey.machines
+    try:
+        _Survey.machines = MappingProxyType({machine.name: machine for machine in machines})
+        yield
+    finally:
+        _Survey.machines = before
+        _Survey.telling.release()
+
+
+def known_tag_ids() -> tuple[int, ...]:
+    """Return the ids of all tags that the survey lists, by growing id."""
+    return tuple(sorted(tag.tag_id for machine in _Survey.machines.values() for tag in machine.tags))
 
 
 def machine_named(name: str) -> Machine:
-    """Return a machine.
+    """Return a machine of the survey.
 
     Raises:
         ValueError: there is none of that name.
     """
-    if name not in MACHINES:
-        raise ValueError(f"there is no machine '{name}' in the laboratory; its machines are {', '.join(MACHINES)}")
-    return MACHINES[name]
+    if name not in _Survey.machines:
+        known = ", ".join(_Survey.machines)
+        raise ValueError(f"there is no machine '{name}' in the laboratory; its machines are {known}")
+    return _Survey.machines[name]

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 from codra_dsl.worlds.lab.context import ActingSkill, Context
 from codra_dsl.worlds.lab.eyes import Eyes
-from codra_dsl.worlds.lab.robot import Clock, OutOfReachError, Robot, RotorPosition, Station
+from codra_dsl.worlds.lab.robot import Clock, OutOfReachError, Robot, RotorPosition
 
 CENTRIFUGE = "centrifuge"
 PCR_CYCLER = "pcr_cycler"
@@ -45,9 +45,6 @@ TRIES = 2
 
 WAIT_S = 8.0
 """How long the robot waits for observers after an action: looking itself would take longer."""
-
-AMPLIFICATION_S = 240.0
-"""How long the PCR-cycler works on the samples."""
 
 _IN_POSITION = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
 
@@ -129,7 +126,7 @@ class Mission:
     def _process_a_batch(self) -> None:
         self._visit(CENTRIFUGE, self._take_from_centrifuge)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))
-        self._clock.sleep(AMPLIFICATION_S)
+        self._clock.sleep(self._robot.laboratory.amplification_s)
         self._visit(PCR_CYCLER, lambda: self._take_samples(PCR_CYCLER))
         self._visit(CENTRIFUGE, self._bring_to_centrifuge)
 
@@ -164,7 +161,7 @@ class Mission:
         with self._codra.skill(f"drive_to_{machine}"):
             self._localize()
             self._expect(f"unlock_{machine}")
-            self._robot.drive_to(Station(machine))
+            self._robot.drive_to(machine)
             self._localize()
 
     def _unlock(self, machine: str) -> None:

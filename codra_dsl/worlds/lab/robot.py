@@ -11,7 +11,7 @@ from math import atan2, hypot, pi, remainder
 from random import Random
 from typing import Protocol
 
-from codra_dsl.worlds.lab.durations import DURATIONS, Phase, Spread
+from codra_dsl.worlds.lab.durations import Phase, Spread
 from codra_dsl.worlds.lab.gaze import (
     DECK_GAZE,
     Gaze,
@@ -22,7 +22,7 @@ from codra_dsl.worlds.lab.gaze import (
     stand_off,
     tray_gaze,
 )
-from codra_dsl.worlds.lab.layout import MACHINES, Machine, Part, machine_named
+from codra_dsl.worlds.lab.layout import Machine, Part
 from codra_dsl.worlds.lab.poses import Pose
 from codra_dsl.worlds.lab.world import (
     HOME,
@@ -112,6 +112,7 @@ class Robot:
     """A mobile manipulator. Its methods are called by one thread, one after the other, and return when they are done.
 
     Attributes:
+        laboratory: in which it works.
         is_carrying: whether a sample tray lies on its deck.
     """
 
@@ -128,6 +129,7 @@ class Robot:
         self._clock = clock
         self._random = random
         self._looking = Random(random.random())
+        self.laboratory = world.laboratory
         self.is_carrying = False
 
     # What it knows of itself
@@ -142,13 +144,15 @@ class Robot:
 
     # Driving
 
-    def drive_to(self, station: Station) -> None:
+    def drive_to(self, station: str) -> None:
         """Stow the arm, drive to a station, turning on the spot at both ends, and raise the arm to tend a machine.
 
-        It takes about a minute. On the way the localisation may be lost; the robot then arrives by its wheels.
+        A station is home, or a machine by its name. It takes about a minute. On the way the localisation may be lost;
+        the robot then arrives by its wheels.
 
         Raises:
             LostError: it does not know where it stands to begin with.
+            ValueError: there is no such machine.
         """
         if not self.is_localized():
             raise LostError("the robot does not know where it stands; let it relocalize before it drives")
@@ -163,8 +167,8 @@ class Robot:
             self._schedule(self._move(Quantity.LOCALIZED, (0.0,), 0.0))
         self._drive_straight_to(*end)
         self._turn(goal[2])
-        if station is not Station.HOME:
-            self._move_camera(self._in_robot(station, ready_gaze(station)), Phase.RAISE_ARM)
+        if station != Station.HOME:
+            self._move_camera(self._in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
 
     def relocalize(self) -> None:
         """Look around until the robot knows again where it stands."""
@@ -173,9 +177,9 @@ class Robot:
         self._schedule(self._move(Quantity.LOCALIZED, (1.0,), 0.0))
         self._clock.sleep(0.1 * duration_s)
 
-    def _goal(self, station: Station) -> tuple[float, float, float]:
+    def _goal(self, station: str) -> tuple[float, float, float]:
         """Return where the base truly ends up: at the station, as far off as the robot believes it is not."""
-        wanted = Pose.planar(*HOME) if station is Station.HOME else _before(machine_named(station))
+        wanted = Pose.planar(*HOME) if station == Station.HOME else _before(self._machine(station))
         state = self._world.state(self._clock.now_s())
         believed = self._world.believed_map_from_robot(state.t_s)
         goal = wanted @ believed.inverse() @ state.map_from_robot()
@@ -184,7 +188,7 @@ class Robot:
     def _way_to(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
         """Return the points to drive through, past the table of the PCR-cycler, which stands in the room's middle."""
         _, y_m, _ = self._world.state(self._clock.now_s()).base
-        table_y_m = MACHINES[Station.PCR_CYCLER].map_from_base.translation_m[1]
+        table_y_m = self._machine(Station.PCR_CYCLER).map_from_base.translation_m[1]
         passes_table = (y_m < table_y_m) != (goal[1] < table_y_m)
         return [_AISLE_M, goal[:2]] if passes_table else [goal[:2]]
 
@@ -219,7 +223,8 @@ class Robot:
         """
         self._check_reach(machine)
         believed = self._world.believed_map_from_robot(self._clock.now_s())
-        gaze = in_frame(observation_gaze(machine, part), believed.inverse() @ machine_named(machine).map_from_base)
+        told = self._machine(machine)
+        gaze = in_frame(observation_gaze(told.shape, part), believed.inverse() @ told.map_from_base)
         eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
         self._wait(Phase.PLAN_LOOK)
         self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
@@ -234,7 +239,7 @@ class Robot:
             OutOfReachError: the machine is out of the arm's reach. So for all that manipulates.
             ValueError: there is no such machine. Likewise.
         """
-        self._move_part(machine, Part.LATCH, _end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
+        self._move_part(machine, Part.LATCH, self._end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
 
     def lock(self, machine: str) -> None:
         """Turn a machine's latch lever to locked: about a minute and a half."""
@@ -242,7 +247,7 @@ class Robot:
 
     def open_lid(self, machine: str) -> None:
         """Pull a machine's lid open: about two and a half minutes. A locked lid does not follow the hand."""
-        self._move_part(machine, Part.LID, _end_rad(machine, Part.LID), (Phase.PLAN_OPEN, Phase.LIFT_LID))
+        self._move_part(machine, Part.LID, self._end_rad(machine, Part.LID), (Phase.PLAN_OPEN, Phase.LIFT_LID))
 
     def close_lid(self, machine: str) -> None:
         """Lower a machine's lid: about two minutes."""
@@ -252,7 +257,7 @@ class Robot:
         """Turn the centrifuge's rotor to a position: about a minute. Through a closed lid nothing is turned."""
         machine = Station.CENTRIFUGE.value
         self._check_reach(machine)
-        grip = self._in_robot(machine, grip_gaze(machine, Part.ROTOR, 0.0))
+        grip = self._grip_at(machine, Part.ROTOR, 0.0)
         self._wait(Phase.PLAN_ROTOR)
         self._reach(stand_off(grip))
         if self._lid_is_open(machine):
@@ -270,7 +275,7 @@ class Robot:
         Through a closed lid nothing is taken, and `is_carrying` stays False.
         """
         self._check_reach(machine)
-        tray = self._in_robot(machine, tray_gaze(machine))
+        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
         self._wait(Phase.PLAN_TRAY)
         self._reach(stand_off(tray))
         if self._lid_is_open(machine):
@@ -297,7 +302,7 @@ class Robot:
         self._reach(stand_off(DECK_GAZE))
         self._grip(DECK_GAZE)
         self._schedule(self._move(Quantity.HOLDING, (1.0,), 0.0))
-        tray = self._in_robot(machine, tray_gaze(machine))
+        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
         self._move_camera(stand_off(tray), Phase.CARRY_TRAY)
         goes_in = self._lid_is_open(machine)
         place = tray if goes_in else DECK_GAZE
@@ -310,10 +315,10 @@ class Robot:
         """Grip a part, move it with the hand, let go and retreat: planning takes the first phase, moving the second."""
         self._check_reach(machine)
         key = JointKey(machine, part)
-        from_rad = self._world.state(self._clock.now_s()).joints_rad[key]
         self._wait(phases[0])
-        grip = self._in_robot(machine, grip_gaze(machine, part, from_rad))
-        self._reach(stand_off(grip))
+        self._reach(stand_off(self._grip_at(machine, part, self._angle_rad(key))))
+        from_rad = self._angle_rad(key)  # somebody may have moved it meanwhile
+        grip = self._grip_at(machine, part, from_rad)
         self._grip(grip)
         self._wait(Phase.REPLAN)
         duration_s, slips = self._draw(phases[1]), self._random.random() < SLIP_CHANCE
@@ -322,7 +327,7 @@ class Robot:
                 Move(channel=key, path=_angles(from_rad, to_rad, slips=slips), duration_s=duration_s),
                 Move(channel=Quantity.GAZE, path=self._following(key, from_rad, to_rad), duration_s=duration_s),
             )
-            grip = self._in_robot(machine, grip_gaze(machine, part, to_rad))
+            grip = self._grip_at(machine, part, to_rad)
         self._clock.sleep(duration_s)
         self._let_go(stand_off(grip))
         self._retreat(machine)
@@ -331,21 +336,21 @@ class Robot:
         """Return whether a part follows the hand: a closed lid only when the latch is past half its way."""
         angles_rad = self._world.state(self._clock.now_s()).joints_rad
         lid_is_shut = angles_rad[JointKey(machine, Part.LID)] < 0.05
-        latch_holds = angles_rad[JointKey(machine, Part.LATCH)] < _end_rad(machine, Part.LATCH) / 2
+        latch_holds = angles_rad[JointKey(machine, Part.LATCH)] < self._end_rad(machine, Part.LATCH) / 2
         return not (part is Part.LID and lid_is_shut and latch_holds)
 
     def _lid_is_open(self, machine: str) -> bool:
         """Return whether a hand gets through."""
         angle_rad = self._world.state(self._clock.now_s()).joints_rad[JointKey(machine, Part.LID)]
-        return angle_rad > _end_rad(machine, Part.LID) / 2
+        return angle_rad > self._end_rad(machine, Part.LID) / 2
 
     def _following(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
         """Return the gaze of a hand that leads a part from one angle to another."""
-        robot_from_machine = self._robot_from_machine(key.machine)
+        machine, robot_from_machine = self._machine(key.machine), self._robot_from_machine(key.machine)
 
         def path(progress: float) -> Gaze:
             angle_rad = from_rad + (to_rad - from_rad) * progress
-            return in_frame(grip_gaze(key.machine, key.part, angle_rad), robot_from_machine)
+            return in_frame(grip_gaze(machine, key.part, angle_rad), robot_from_machine)
 
         return path
 
@@ -387,7 +392,7 @@ class Robot:
         """Draw the hand out of sight and wait beside the machine, looking at it."""
         duration_s = self._draw(Phase.RETREAT)
         self._schedule(
-            self._move(Quantity.GAZE, self._in_robot(machine, ready_gaze(machine)), duration_s),
+            self._move(Quantity.GAZE, self._in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s),
             self._move(Quantity.REACH, (0.0,), duration_s),
         )
         self._clock.sleep(duration_s)
@@ -401,7 +406,7 @@ class Robot:
         self._clock.sleep(self._draw(phase))
 
     def _draw(self, phase: Phase) -> float:
-        return DURATIONS[phase].draw(self._looking if phase in _LOOKING else self._random)
+        return self.laboratory.duration(phase).draw(self._looking if phase in _LOOKING else self._random)
 
     def _varied(self, duration_s: float) -> float:
         return Spread(duration_s, 0.15 * duration_s).draw(self._random)
@@ -416,12 +421,26 @@ class Robot:
         """Return a gaze given at a machine in the robot's frame. The hand feels its way: no error of belief here."""
         return in_frame(gaze, self._robot_from_machine(machine))
 
+    def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
+        """Return the gaze while the fingers hold a part whose joint is at an angle, in the robot's frame."""
+        return self._in_robot(machine, grip_gaze(self._machine(machine), part, angle_rad))
+
+    def _machine(self, name: str) -> Machine:
+        return self.laboratory.machine(name)
+
+    def _angle_rad(self, key: JointKey) -> float:
+        return self._world.state(self._clock.now_s()).joints_rad[key]
+
+    def _end_rad(self, machine: str, part: Part) -> float:
+        """Return the joint's other end: where a lid is open, a latch unlocked."""
+        return self._machine(machine).joint(part).range_rad[1]
+
     def _robot_from_machine(self, machine: str) -> Pose:
         map_from_robot = self._world.state(self._clock.now_s()).map_from_robot()
-        return map_from_robot.inverse() @ machine_named(machine).map_from_base
+        return map_from_robot.inverse() @ self._machine(machine).map_from_base
 
     def _check_reach(self, machine: str) -> None:
-        distance_m = machine_named(machine).distance_m(self._world.state(self._clock.now_s()).map_from_robot())
+        distance_m = self._machine(machine).distance_m(self._world.state(self._clock.now_s()).map_from_robot())
         if distance_m > _REACH_M:
             raise OutOfReachError(
                 f"the robot stands {distance_m:.2f} m from the {machine}, and its arm reaches {_REACH_M:g} m;"
@@ -434,11 +453,6 @@ def _before(machine: Machine) -> Pose:
     x_axis = machine.map_from_base.rotation[:, 0]
     x_m, y_m, _ = machine.map_from_base.translation_m + STATION_DISTANCE_M * x_axis
     return Pose.planar(x_m, y_m, atan2(-x_axis[1], -x_axis[0]))
-
-
-def _end_rad(machine: str, part: Part) -> float:
-    """Return the joint's other end: where a lid is open, a latch unlocked."""
-    return machine_named(machine).joint(part).range_rad[1]
 
 
 def _angles(from_rad: float, to_rad: float, *, slips: bool) -> Path:

@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from codra_dsl.worlds.lab.layout import INTRINSICS, MACHINES, TILE_PER_TAG, Joint, Machine, Part, Tag
+from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory, PersonBefore
+from codra_dsl.worlds.lab.layout import INTRINSICS, TILE_PER_TAG, Joint, Machine, Part, Shape, Tag
 from codra_dsl.worlds.lab.poses import Array, Pose
 from codra_dsl.worlds.lab.tags import tag_image
 from codra_dsl.worlds.lab.world import LabState
@@ -45,15 +46,16 @@ _ROBOT = "0.80 0.55 0.20 1"
 class Stage:
     """The laboratory at one instant, for drawing and for rays. It belongs to one thread at a time."""
 
-    def __init__(self) -> None:
-        self.model = mujoco.MjModel.from_xml_string(mjcf(), textures())
+    def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
+        self.model = mujoco.MjModel.from_xml_string(mjcf(laboratory), textures(laboratory))
         self.data = mujoco.MjData(self.model)
         self._joint_addresses = {
             (machine.name, joint.part): int(self.model.joint(_body_name(machine, joint.part)).qposadr[0])
-            for machine in MACHINES.values()
+            for machine in laboratory.machines
             for joint in machine.joints
         }
-        self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in _MOCAP_BODIES}
+        movable = _MOCAP_BODIES + ((_PERSON,) if _has_visitors(laboratory) else ())
+        self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in movable}
 
     def place(self, state: LabState) -> None:
         """Put everything where a state says it is."""
@@ -61,6 +63,8 @@ class Stage:
             self.data.qpos[self._joint_addresses[key.machine, key.part]] = angle_rad
         for name, pose in _robot_poses(state).items():
             self._put(name, pose)
+        if _PERSON in self._mocap_ids:
+            self._put(_PERSON, Pose(np.eye(3), np.array([*state.person_m, 0.0])))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
@@ -90,13 +94,13 @@ class Stage:
         mujoco.mju_mat2Quat(self.data.mocap_quat[index], pose.rotation.ravel())
 
 
-def textures() -> dict[str, bytes]:
+def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
     """Return the scene's pictures as PNG files by name: one for each tag, the floor and the walls."""
     tags = {
         f"tag_{tag.tag_id}.png": np.kron(
             tag_image(tag.tag_id), np.ones((_TEXELS_PER_CELL, _TEXELS_PER_CELL), dtype=np.uint8)
         )
-        for machine in MACHINES.values()
+        for machine in laboratory.machines
         for tag in machine.tags
     }
     pictures = tags | {"floor.png": _floor_picture(), "wall.png": _wall_picture()}
@@ -128,10 +132,11 @@ def _wall_picture() -> NDArray[np.uint8]:
     return wall
 
 
-def mjcf() -> str:
+def mjcf(laboratory: Laboratory = LABORATORY) -> str:
     """Return the whole scene as MJCF, with machines and robot at their zero."""
     half_height_rad = atan(INTRINSICS.height / 2 / INTRINSICS.focal_px)
-    tags = [tag for machine in MACHINES.values() for tag in machine.tags]
+    tags = [tag for machine in laboratory.machines for tag in machine.tags]
+    visitor = _visitor() if _has_visitors(laboratory) else ""
     return f"""
 <mujoco model="laboratory">
   <compiler angle="radian"/>
@@ -155,8 +160,8 @@ def mjcf() -> str:
     <light directional="true" pos="3 3 4" dir="-0.2 0.7 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
     <light directional="true" pos="3 3 4" dir="0.7 -0.3 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
     {_room()}
-    {"".join(_machine(machine) for machine in MACHINES.values())}
-    {"".join(_robot())}
+    {"".join(_machine(machine) for machine in laboratory.machines)}
+    {"".join(_robot())}{visitor}
     <body name="camera" mocap="true"><camera name="{CAMERA_NAME}" xyaxes="1 0 0 0 -1 0"
       fovy="{2 * degrees(half_height_rad):.9f}"/></body>
   </worldbody>
@@ -241,7 +246,13 @@ def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float])
 
 def _housing(machine: Machine) -> str:
     """Return what does not move: the table, the housing and its front panel."""
-    return _centrifuge_housing(machine) if machine.name == "centrifuge" else _pcr_cycler_housing(machine)
+    match machine.shape:
+        case Shape.CENTRIFUGE:
+            return _centrifuge_housing(machine)
+        case Shape.PCR_CYCLER:
+            return _pcr_cycler_housing(machine)
+        case Shape.SHAKER:
+            return _shaker_housing(machine)
 
 
 def _centrifuge_housing(machine: Machine) -> str:
@@ -275,6 +286,19 @@ def _pcr_cycler_housing(machine: Machine) -> str:
     )
 
 
+def _shaker_housing(machine: Machine) -> str:
+    front_left = machine.tags_on(Part.BASE)[0]
+    return "".join(
+        (
+            _box((-0.30, -0.42, -0.04), (0.36, 0.42, 0.0), _GREY),
+            _box((-0.25, -0.37, -0.64), (0.28, -0.32, -0.04), _DARK),
+            _box((-0.25, 0.32, -0.64), (0.28, 0.37, -0.04), _DARK),
+            _box((-0.22, -0.24, 0.0), (0.20, 0.24, 0.25), _WHITE),
+            _board(front_left, (0.18, -0.05), (0.24, 0.11)),
+        )
+    )
+
+
 def _moving_shape(machine: Machine, part: Part) -> str:
     """Return the body of a moving part in its own frame."""
     tag = machine.tags_on(part)[0]
@@ -282,14 +306,21 @@ def _moving_shape(machine: Machine, part: Part) -> str:
         return f'<geom type="cylinder" pos="0 0 -0.024" size="0.17 0.02" rgba="{_GREY}"/>'
     if part is Part.LATCH:
         lever = _box((-0.012, -0.02, -0.012), (0.012, tag.part_from_tag.translation_m[1], -0.005), _DARK)
-        return lever if machine.name == "centrifuge" else lever + _knob()
-    if machine.name == "centrifuge":
+        return lever + _knob() if machine.shape is Shape.PCR_CYCLER else lever
+    if machine.shape is Shape.SHAKER:
+        return _shaker_lid(tag)
+    if machine.shape is Shape.CENTRIFUGE:
         handle = _box((0.49, -0.07, 0.055), (0.53, 0.07, 0.075), _DARK)
         return (
             _box((0.0, -0.225, 0.0), (0.455, 0.225, 0.125), _WHITE) + _board(tag, (0.15, 0.0), (0.225, 0.065)) + handle
         )
     lid = _box((0.0, -0.145, 0.0), (0.32, 0.145, 0.10), _WHITE) + _board(tag, (0.095, 0.0), (0.145, 0.05))
     return lid + _handle_beside_the_lid()
+
+
+def _shaker_lid(tag: Tag) -> str:
+    handle = _box((0.41, -0.05, 0.045), (0.45, 0.05, 0.065), _DARK)
+    return _box((0.0, -0.19, 0.0), (0.37, 0.19, 0.11), _WHITE) + _board(tag, (0.115, 0.0), (0.19, 0.056)) + handle
 
 
 def _handle_beside_the_lid() -> str:
@@ -309,6 +340,22 @@ def _knob() -> str:
     """Return a stalk that stands out of the lever, for the hand."""
     x_m, y_m, z_m = PCR_CYCLER_KNOB_M
     return _box((x_m - 0.006, y_m - 0.006, -0.012), (x_m + 0.006, y_m + 0.006, z_m), _DARK)
+
+
+# Somebody who is not of the laboratory
+
+_PERSON = "person"
+
+
+def _has_visitors(laboratory: Laboratory) -> bool:
+    return any(isinstance(each, PersonBefore) for each in laboratory.disturbances)
+
+
+def _visitor() -> str:
+    """Return somebody in a dark coat, 1.75 m tall, who stands on the floor."""
+    coat = '<geom type="capsule" fromto="0 0 0.35 0 0 1.28" size="0.21" rgba="0.20 0.24 0.34 1"/>'
+    head = '<geom type="sphere" pos="0 0 1.63" size="0.12" rgba="0.78 0.62 0.52 1"/>'
+    return f'<body name="{_PERSON}" mocap="true">{coat}{head}</body>'
 
 
 # The robot. Its bodies are "mocap" bodies: each is put where the state says. In the hand's frame x is right, y down and

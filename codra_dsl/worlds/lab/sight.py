@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from codra_dsl.worlds.lab.layout import INTRINSICS, MACHINES, TILE_PER_TAG, Part, Tag
+from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory
+from codra_dsl.worlds.lab.layout import INTRINSICS, TILE_PER_TAG, Machine, Part, Tag
 from codra_dsl.worlds.lab.poses import Array, Pose
 from codra_dsl.worlds.lab.scene import Stage
 from codra_dsl.worlds.lab.world import JointKey, LabState
@@ -20,13 +21,6 @@ _NEAREST_M = 0.05
 _RAY_TOLERANCE_M = 0.003
 _COVER_GRID = np.linspace(-0.5, 0.5, 5)
 _REFERENCE_DISTANCE_M = 1.0
-
-
-_ALL_PARTS = tuple(
-    (machine.name, part)
-    for machine in MACHINES.values()
-    for part in (Part.BASE, *(joint.part for joint in machine.joints))
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,18 +57,18 @@ class _PartTags:
     normals: Array
 
 
-@lru_cache(maxsize=64)
-def _tags_in_map(machine: str, part: Part, angle_rad: float) -> _PartTags:
+@lru_cache(maxsize=256)
+def _tags_in_map(machine: Machine, part: Part, angle_rad: float) -> _PartTags:
     """Return the tags of one part in the map; parts stand still most of the time."""
-    map_from_part, part_tags = MACHINES[machine].map_from_part(part, angle_rad), _tags_of(machine, part)
+    map_from_part, part_tags = machine.map_from_part(part, angle_rad), _tags_of(machine, part)
     return _PartTags(
         corners_m=map_from_part.apply(part_tags.corners_m), normals=part_tags.normals @ map_from_part.rotation.T
     )
 
 
-@cache
-def _tags_of(machine: str, part: Part) -> _PartTags:
-    tags = MACHINES[machine].tags_on(part)
+@lru_cache(maxsize=256)
+def _tags_of(machine: Machine, part: Part) -> _PartTags:
+    tags = machine.tags_on(part)
     return _PartTags(
         corners_m=np.concatenate([tag.corners_m() for tag in tags]),
         normals=np.repeat([tag.part_from_tag.rotation[:, 2] for tag in tags], 4, axis=0),
@@ -84,8 +78,8 @@ def _tags_of(machine: str, part: Part) -> _PartTags:
 class GeometricCamera:
     """The arm camera without pixels: what it could see in a state. It belongs to one thread at a time."""
 
-    def __init__(self) -> None:
-        self._stage = Stage()
+    def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
+        self._stage = Stage(laboratory)
         self._placed: LabState | None = None
 
     def visible_shares(self, state: LabState, parts: Sequence[tuple[str, Part]]) -> tuple[float, ...]:
@@ -99,19 +93,20 @@ class GeometricCamera:
             parts: machines' names and their parts.
         """
         map_from_camera = state.map_from_camera()
-        corners_m, normals = _corners_in_map(state, parts)
+        told = [(state.laboratory.machine(machine), part) for machine, part in parts]
+        corners_m, normals = _corners_in_map(state, told)
         seen = _inside_image(map_from_camera, corners_m)
         seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
         if seen.any():
             seen[seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[seen])
-        ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in parts])
+        ends = np.cumsum([len(_tags_of(machine, part).corners_m) for machine, part in told])
         return tuple(float(share.mean()) for share in np.split(seen, ends[:-1]))
 
     def tags_in_view(self, state: LabState) -> tuple[TagInView, ...]:
         """Return the tags that face the camera with their middle inside the image, by growing id."""
         views = [
             self._view(state, tag, state.map_from_part(machine.name, tag.part) @ tag.part_from_tag)
-            for machine in MACHINES.values()
+            for machine in state.laboratory.machines
             for tag in machine.tags
         ]
         return tuple(sorted((view for view in views if view is not None), key=lambda view: view.tag_id))
@@ -154,8 +149,9 @@ def image_motion_px(before: LabState, after: LabState) -> float:
     """
     camera_before, camera_after = before.map_from_camera(), after.map_from_camera()
     reference_m = camera_before.apply(_reference_points())
-    first = np.concatenate((reference_m, _corners_in_map(before, _ALL_PARTS)[0]))
-    second = np.concatenate((reference_m, _corners_in_map(after, _ALL_PARTS)[0]))
+    parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
+    first = np.concatenate((reference_m, _corners_in_map(before, parts)[0]))
+    second = np.concatenate((reference_m, _corners_in_map(after, parts)[0]))
     both = _inside_image(camera_before, first) & _in_front(camera_after, second)
     moved_px = _pixels(camera_after, second[both]) - _pixels(camera_before, first[both])
     return float(np.linalg.norm(moved_px, axis=1).max())
@@ -184,10 +180,10 @@ def _width_px(corners_px: Array) -> float:
     return float(area / np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).max())
 
 
-def _corners_in_map(state: LabState, parts: Iterable[tuple[str, Part]]) -> tuple[Array, Array]:
+def _corners_in_map(state: LabState, parts: Iterable[tuple[Machine, Part]]) -> tuple[Array, Array]:
     """Return the corners of all tags of some parts, and for each the normal of its tag, shape (n, 3), in the map."""
     placed = [
-        _tags_in_map(machine, part, state.joints_rad.get(JointKey(machine, part), 0.0)) for machine, part in parts
+        _tags_in_map(machine, part, state.joints_rad.get(JointKey(machine.name, part), 0.0)) for machine, part in parts
     ]
     return np.concatenate([tags.corners_m for tags in placed]), np.concatenate([tags.normals for tags in placed])
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codra_dsl.worlds.lab.frame import Frame
-from codra_dsl.worlds.lab.layout import MACHINES
+from codra_dsl.worlds.lab.layout import known_tag_ids
 from codra_dsl.worlds.lab.poses import Array
 from codra_dsl.worlds.lab.refine import refined_corners_px
 
@@ -69,10 +69,11 @@ def detect(frame: Frame) -> tuple[Detection, ...]:
 @lru_cache(maxsize=_FRAMES_KEPT)
 def _detect_once(frame: Frame) -> tuple[Detection, ...]:
     grey = np.asarray(cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    quads, places, _ = _detector().detectMarkers(grey)
+    known = known_tag_ids()
+    quads, places, _ = _detector(known).detectMarkers(grey)
     if places is None:
         return ()
-    tag_ids = [_tag_ids()[int(place)] for place in np.asarray(places).ravel()]
+    tag_ids = [known[int(place)] for place in np.asarray(places).ravel()]
     corners_px = refined_corners_px(grey, np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2))
     found = sorted(zip(tag_ids, corners_px, strict=True), key=lambda item: item[0])
     return tuple(
@@ -81,20 +82,15 @@ def _detect_once(frame: Frame) -> tuple[Detection, ...]:
 
 
 @lru_cache(maxsize=1)
-def _tag_ids() -> tuple[int, ...]:
-    return tuple(sorted(tag.tag_id for machine in MACHINES.values() for tag in machine.tags))
-
-
-@lru_cache(maxsize=1)
 def _family() -> cv2.aruco.Dictionary:
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 
 
 @lru_cache(maxsize=1)
-def _detector() -> cv2.aruco.ArucoDetector:
-    """Return the one detector, set for tags of 15 to 150 px a side, from bright day down to an eighth of it."""
+def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
+    """Return the one detector for some tags, of 15 to 150 px a side, from bright day down to an eighth of it."""
     cv2.setNumThreads(1)  # the frames are small: more threads cost more than they bring, and take cores from others
-    codes = np.ascontiguousarray(_family().bytesList[list(_tag_ids())])  # all 587 codes would take 1 ms a candidate
+    codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])  # all 587 codes would take 1 ms a candidate
     parameters = cv2.aruco.DetectorParameters()
     parameters.adaptiveThreshWinSizeMin = 5
     parameters.adaptiveThreshWinSizeMax = 21

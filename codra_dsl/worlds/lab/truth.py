@@ -9,7 +9,7 @@ The definitions were fixed before any perception was tuned, and perception never
   the camera, on tags that face it, with nothing before them. Neither the light nor the distance matters.
 - `M_open`: the lid is more than 0.6 rad from closed.
 - `M_locked`: the latch lever is less than half way from locked (0 rad) to unlocked (1 rad).
-- `centrifuge_rotor_in_pos_1`, `..._2`: the rotor is less than 0.2 rad from 0, from half a turn. The lid hides the
+- `M_rotor_in_pos_1`, `..._2`: a centrifuge's rotor is less than 0.2 rad from 0, from half a turn. The lid hides the
   rotor; it does not change what is true.
 """
 
@@ -21,7 +21,7 @@ from itertools import pairwise
 from math import ceil, pi, remainder
 from types import MappingProxyType
 
-from codra_dsl.worlds.lab.layout import MACHINES, Machine, Part
+from codra_dsl.worlds.lab.layout import Machine, Part
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.world import JointKey, LabState, LabWorld
 
@@ -34,8 +34,6 @@ ROTOR_WITHIN_RAD = 0.2
 
 SAMPLES_PER_S = 5.0
 """How often truth is sampled while something moves; what becomes true between two samples counts half a sample off."""
-
-_VIEWED = tuple((name, part) for name in MACHINES for part in (Part.BASE, Part.LID))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,15 +54,16 @@ class GroundTruth:
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
-        self._camera = GeometricCamera()
+        self._camera = GeometricCamera(world.laboratory)
+        self._viewed = [(each.name, part) for each in world.laboratory.machines for part in (Part.BASE, Part.LID)]
 
     def at(self, instant_s: float) -> Mapping[str, bool]:
         """Return the truth of every context-variable at an instant."""
         state = self._world.state(instant_s)
         truth = {"robot_is_localized": state.is_localized} | _rotor_truth(state)
-        for machine in MACHINES.values():
+        for machine in state.laboratory.machines:
             truth |= _machine_truth(state, machine)
-        for (name, part), share in zip(_VIEWED, self._camera.visible_shares(state, _VIEWED), strict=True):
+        for (name, part), share in zip(self._viewed, self._camera.visible_shares(state, self._viewed), strict=True):
             truth[f"{name}_{part}_in_FOV"] = share >= IN_VIEW_FROM_SHARE
         return MappingProxyType(truth)
 
@@ -98,11 +97,12 @@ def _machine_truth(state: LabState, machine: Machine) -> dict[str, bool]:
 
 
 def _rotor_truth(state: LabState) -> dict[str, bool]:
-    angle_rad = state.joints_rad[JointKey("centrifuge", Part.ROTOR)]
-    return {
-        "centrifuge_rotor_in_pos_1": abs(remainder(angle_rad, 2 * pi)) < ROTOR_WITHIN_RAD,
-        "centrifuge_rotor_in_pos_2": abs(remainder(angle_rad - pi, 2 * pi)) < ROTOR_WITHIN_RAD,
-    }
+    truth: dict[str, bool] = {}
+    for key, angle_rad in state.joints_rad.items():
+        if key.part is Part.ROTOR:
+            truth[f"{key.machine}_rotor_in_pos_1"] = abs(remainder(angle_rad, 2 * pi)) < ROTOR_WITHIN_RAD
+            truth[f"{key.machine}_rotor_in_pos_2"] = abs(remainder(angle_rad - pi, 2 * pi)) < ROTOR_WITHIN_RAD
+    return truth
 
 
 def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:

@@ -16,7 +16,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory
+from codra_dsl.worlds.lab.layout import Part
 from codra_dsl.worlds.lab.poses import Pose, looking_at
 
 Values = tuple[float, ...]
@@ -40,6 +41,8 @@ class Quantity(StrEnum):
     """The light in the room: 1 is an ordinary day, 0 is dark."""
     LOCALIZED = "localized"
     """Whether the robot knows where it stands: 0 or 1."""
+    PERSON = "person"
+    """Where somebody stands who is not of the laboratory: x and y in metres in the map."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -80,6 +83,8 @@ class LabState:
         reach: 0 to 1, how far the hand is put out past the camera.
         joints_rad: the angles of all machine joints.
         light: 1 is an ordinary day, 0 is dark.
+        person_m: x and y in the map of somebody who is not of the laboratory.
+        laboratory: whose state it is.
     """
 
     t_s: float
@@ -92,6 +97,8 @@ class LabState:
     light: float
     is_localized: bool
     joints_rad: Mapping[JointKey, float]
+    person_m: tuple[float, float]
+    laboratory: Laboratory
 
     def map_from_robot(self) -> Pose:
         """Return where the robot's base truly stands."""
@@ -107,7 +114,8 @@ class LabState:
 
     def map_from_part(self, machine: str, part: Part) -> Pose:
         """Return where a part of a machine truly is."""
-        return MACHINES[machine].map_from_part(part, self.joints_rad.get(JointKey(machine, part), 0.0))
+        angle_rad = self.joints_rad.get(JointKey(machine, part), 0.0)
+        return self.laboratory.machine(machine).map_from_part(part, angle_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +157,9 @@ class _Track:
     def end_s(self) -> float:
         return self.segments[-1].end_s if self.segments else -1.0
 
+    def rests(self, t_s: float) -> bool:
+        return self.end_s() <= t_s
+
     def moves_within(self, start_s: float, end_s: float) -> bool:
         index = bisect_left(self.starts_s, end_s)
         return index > 0 and self.segments[index - 1].end_s >= start_s
@@ -160,6 +171,9 @@ HOME = (2.6, 1.1, pi / 2)
 TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
 """Where the arm holds the camera while the robot drives: eye, then target, in the robot's base frame."""
 
+OUTSIDE = (-3.0, -3.0)
+"""Where people stay who are not in the room: x and y in metres."""
+
 _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
     {
         Quantity.BASE: HOME,
@@ -169,24 +183,33 @@ _INITIAL: Mapping[Quantity, Values] = MappingProxyType(
         Quantity.HOLDING: (0.0,),
         Quantity.LIGHT: (1.0,),
         Quantity.LOCALIZED: (1.0,),
+        Quantity.PERSON: OUTSIDE,
     }
 )
 """The laboratory in the morning: lids closed, latches locked, the rotor in its first position."""
 
 
 class LabWorld:
-    """The laboratory over time. Safe to read from any thread while one thread schedules."""
+    """The laboratory over time. Safe to read from any thread while one thread schedules.
 
-    def __init__(self, seed: int) -> None:
+    Attributes:
+        seed: of what chance decides.
+        laboratory: what it is.
+    """
+
+    def __init__(self, seed: int, laboratory: Laboratory = LABORATORY) -> None:
         """Create the laboratory as it stands at 0 s.
 
         Args:
             seed: decides the robot's localisation error, and with it nothing else.
+            laboratory: what stands in it, and how light it is.
         """
         self.seed = seed
-        joints = [JointKey(machine.name, joint.part) for machine in MACHINES.values() for joint in machine.joints]
+        self.laboratory = laboratory
+        joints = [JointKey(machine.name, joint.part) for machine in laboratory.machines for joint in machine.joints]
         self._joint_keys = tuple(joints)
-        self._tracks: dict[Channel, _Track] = {quantity: _Track(values) for quantity, values in _INITIAL.items()}
+        initial = {**_INITIAL, Quantity.LIGHT: (laboratory.light,)}
+        self._tracks: dict[Channel, _Track] = {quantity: _Track(values) for quantity, values in initial.items()}
         self._tracks.update({joint: _Track((0.0,)) for joint in joints})
         self._lock = Lock()
         self._now_s = 0.0
@@ -220,6 +243,11 @@ class LabWorld:
         with self._lock:
             return self._tracks[channel].at(t_s)
 
+    def rests(self, channel: Channel, t_s: float) -> bool:
+        """Return whether a channel has come to rest by an instant, as far as is scheduled."""
+        with self._lock:
+            return self._tracks[channel].rests(t_s)
+
     def moves_to(
         self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
     ) -> Move:
@@ -245,6 +273,8 @@ class LabWorld:
             light=at[Quantity.LIGHT][0],
             is_localized=at[Quantity.LOCALIZED][0] > 0.5,
             joints_rad=MappingProxyType({joint: at[joint][0] for joint in self._joint_keys}),
+            person_m=(at[Quantity.PERSON][0], at[Quantity.PERSON][1]),
+            laboratory=self.laboratory,
         )
 
     def moves_within(self, start_s: float, end_s: float) -> bool:

@@ -16,6 +16,7 @@ from codra_dsl.worlds.lab import camera
 from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource, GreyFrameSource, exposure
 from codra_dsl.worlds.lab.frame import Frame
 from codra_dsl.worlds.lab.gaze import grip_gaze, observation_gaze
+from codra_dsl.worlds.lab.laboratory import NOISE_GREYS
 from codra_dsl.worlds.lab.layout import MACHINES, Part
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.tags import detect
@@ -88,7 +89,7 @@ def test_noise_depends_on_seed_and_instant(source: FrameSource) -> None:
 
     for first, second in ((0, 1), (0, 2)):
         difference = frames[first].pixels.astype(float) - frames[second].pixels
-        assert 1.3 * camera.NOISE_GREYS < difference.std() < 1.5 * camera.NOISE_GREYS
+        assert 1.3 * NOISE_GREYS < difference.std() < 1.5 * NOISE_GREYS
 
 
 def test_the_handle_takes_its_frames_now(source: FrameSource) -> None:
@@ -156,7 +157,7 @@ def test_a_lid_that_moves_blurs_only_itself(world: LabWorld, source: FrameSource
     assert {detection.tag_id for detection in detect(frame)} >= {20, 21, 22, 23}
     assert not {24, 25, 26} & {detection.tag_id for detection in detect(frame)}
     difference = np.abs(frame.pixels.astype(float) - frame_before.pixels)[400:, :].mean()
-    assert difference < 1.5 * camera.NOISE_GREYS
+    assert difference < 1.5 * NOISE_GREYS
 
 
 def test_so_slow_a_move_that_no_pixel_notices_blurs_nothing(world: LabWorld) -> None:
@@ -180,7 +181,7 @@ def test_a_covered_lens_gives_grey_frames_on_which_nothing_is_detected(world: La
     assert detect(frame) == ()
     assert frame.stamp_s == 1.0
     assert abs(frame.pixels.mean() - 128) < 1
-    assert frame.pixels.std() < 1.2 * camera.NOISE_GREYS
+    assert frame.pixels.std() < 1.2 * NOISE_GREYS
 
 
 # The camera without pixels and the one with them
@@ -246,7 +247,7 @@ def test_while_the_hand_holds_the_lid_of_the_large_machine_hardly_a_tag_is_whole
     put(world, Quantity.REACH, 1.0)
     for step, angle_rad in enumerate(np.linspace(0.0, 1.35, 8)):
         start_s = 10.0 * step
-        stand_before(world, "centrifuge", grip_gaze("centrifuge", Part.LID, angle_rad), at_s=start_s)
+        stand_before(world, "centrifuge", grip_gaze(MACHINES["centrifuge"], Part.LID, angle_rad), at_s=start_s)
         set_joint(world, "centrifuge", Part.LID, float(angle_rad), at_s=start_s)
 
         views = geometry.tags_in_view(world.state(start_s + 5.0))
