@@ -25,6 +25,7 @@ from codra_dsl.runtime.holding import Holding
 from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
 from codra_dsl.runtime.journal.head import Head
+from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel
 from codra_dsl.runtime.messages import Send, Session
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.names import UnknownNameError, unknown
@@ -56,6 +57,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         record: what happened.
         model: what the spec was compiled to.
         inputs: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
+        knowledge: the graph, if the spec declares one.
     """
 
     @paused_collector()
@@ -68,11 +70,12 @@ class ContextManager(Generic[VariableName, SkillName]):
         seed: int = 0,
         record: Record | None = None,
         find: Callable[[Algorithm], Function] = imported,
+        knowledge: KnowledgeModel | None = None,
     ) -> None:
         """Build the forest; nothing runs before something is declared.
 
         Args:
-            model: what a spec was compiled to.
+            model: what a spec was compiled to; `knowledge` what it says of that.
             clock: real or simulated time.
             resources: the handle of each resource without slots, by name.
             seed: of the chance that jobs see as `job.random`.
@@ -124,6 +127,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             skills=self._skills,
             explain=self._explained,
         )
+        self.knowledge = None if knowledge is None else Knowledge(knowledge, clock=clock)
         self._holding = Holding(self._slots, self.inputs, self._clock)
         self._sessions = itertools.count(2)
         self.record.begin(lambda: self._head(seed))
