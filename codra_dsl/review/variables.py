@@ -184,7 +184,9 @@ def _of_words(pair: Pair, old: Variable, new: Variable) -> Iterator[Change]:
     if old.description != new.description:
         yield _change(pair, (old, new), Category.WORDING, "description", "is described in other words")
     if old.node != new.node:
-        yield _change(pair, (old, new), Category.LAYOUT, "of", "belongs to another node", old.node, new.node)
+        named = any(side.plan.checked.spec.knows for side in (pair.old, pair.new))  # then agents name it with its node
+        category = Category.API if named else Category.LAYOUT
+        yield _change(pair, (old, new), category, "of", "belongs to another node", old.node, new.node)
 
 
 def _of_producers(pair: Pair, name: str, told: set[tuple[str, ...]]) -> Iterator[Change]:

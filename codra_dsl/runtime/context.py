@@ -75,12 +75,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Build the forest; nothing runs before something is declared.
 
         Args:
-            model: what a spec was compiled to; `knowledge` what it says of that.
+            model: what a spec was compiled to.
             clock: real or simulated time.
             resources: the handle of each resource without slots, by name.
             seed: of the chance that jobs see as `job.random`.
             record: takes every change; by default one of its own.
             find: returns the perception function of an algorithm; by default the one that its `call` names.
+            knowledge: what the spec says of knowledge, if it does.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or of no use.
@@ -90,8 +91,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.model = model
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
-        self._time = clock
-        self._now_s = clock.now_s
+        self._time, self._now_s = clock, clock.now_s
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
