@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from itertools import chain
 
 from codra_dsl.build_plan.values import Edge, EdgeKind, Node, NodeKind, Tree
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
+from codra_dsl.check.knowledge.checked import CheckedAgent, CheckedKnowledge
+from codra_dsl.check.knowledge.world import Thing, World
 from codra_dsl.model import Skill
 
 
@@ -20,7 +22,8 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     algorithms = sorted((branch.algorithm for tree in trees for branch in tree.branches), key=lambda each: each.name)
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
     parts = chain(map(_runs, trees), map(_perceives, algorithms), map(_decides, skills))
-    return tuple(chain.from_iterable(parts))
+    known = [] if checked.knowledge is None else list(_known(checked.knowledge))
+    return (*known, *chain.from_iterable(parts))
 
 
 def _runs(tree: Tree) -> list[Edge]:
@@ -47,3 +50,50 @@ def _decides(skill: Skill) -> list[Edge]:
 def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str]) -> list[Edge]:
     several = sorted(set(names)) if len(names) > 1 else names
     return [Edge(source, Node(target, name), kind) for name in several]
+
+
+def _known(knowledge: CheckedKnowledge) -> Iterator[Edge]:
+    """Yield who owns and reads what, who asks for and does which task, and where edges lead; sorted like the rest."""
+    world = knowledge.world
+    by_name = {agent.name: agent for agent in knowledge.agents}
+    for name in sorted(by_name):
+        source, agent = Node(NodeKind.AGENT, name), by_name[name]
+        executed = [task.name for task in world.tasks.values() if task.by.name == name]
+        asked = [task.name for task in world.tasks.values() if name in (each.name for each in task.requesters)]
+        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, executed)
+        yield from _touched(source, EdgeKind.OWNS, agent.owns, world)
+        yield from _touched(source, EdgeKind.READS, _read(agent, world), world)
+        yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, asked)
+    for name in sorted(world.edges):
+        source, edge = Node(NodeKind.EDGE, name), world.edges[name]
+        for kind, ends in ((EdgeKind.LEADS_FROM, edge.origins), (EdgeKind.LEADS_TO, edge.targets)):
+            types = (world.type_of(each.name) for each in ends)
+            yield from _edges(source, kind, NodeKind.TYPE, [each for each in types if each in types_shown(world)])
+
+
+def types_shown(world: World) -> tuple[str, ...]:
+    """Return the types of nodes that a spec declares or that its nodes name."""
+    return tuple(dict.fromkeys((*world.types, *(node.type.name for node in world.nodes.values()))))
+
+
+def _read(agent: CheckedAgent, world: World) -> list[Thing]:
+    """Return what an agent reads and neither owns nor hands over: that it knows that goes without saying."""
+    owned = {(thing.section, thing.name) for thing in agent.owns}
+    handed = {
+        ("tasks", task.name)
+        for task in world.tasks.values()
+        if agent.name in (task.by.name, *(each.name for each in task.requesters))
+    }
+    return [thing for thing in agent.reads if (thing.section, thing.name) not in owned | handed]
+
+
+_KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind.EDGE, "tasks": NodeKind.TASK}
+
+
+def _touched(source: Node, kind: EdgeKind, things: Iterable[Thing], world: World) -> list[Edge]:
+    """Return the edges from an agent to some things, attributes told with what has them."""
+    shown = types_shown(world)
+    targets = {
+        Node(_KINDS[thing.section], thing.name) for thing in things if thing.section != "types" or thing.name in shown
+    }
+    return [Edge(source, target, kind) for target in sorted(targets)]

@@ -7,7 +7,7 @@ from itertools import chain
 
 from codra_dsl import graph
 from codra_dsl.build_plan.dependencies import dependencies
-from codra_dsl.build_plan.names import ENTRY_NAMES, MODULE_NAMES, python_name
+from codra_dsl.build_plan.names import MODULE_NAMES, entry_names, python_name
 from codra_dsl.build_plan.values import Branch, BuildPlan
 from codra_dsl.check.checked import CheckedSpec
 
@@ -111,10 +111,11 @@ def _needed_trees_come_first(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
             yield f"tree {name} stands before {need}, which it needs"
 
 
-def _names_are_python(plan: BuildPlan, _: CheckedSpec) -> Iterator[str]:
+def _names_are_python(plan: BuildPlan, checked: CheckedSpec) -> Iterator[str]:
     """Names are Python's, hide nothing where they stand, and differ: files even on disks that ignore case."""
+    taken = entry_names(checked.spec)
     trees = {tree.name: tree for tree in plan.forest}
-    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], ENTRY_NAMES)
+    yield from _python_names("the package", [plan.class_name, *(module.name for module in plan.modules)], taken)
     yield from _repeated("module", (module.name.casefold() for module in plan.modules))
     for module in plan.modules:
         made = [trees[name] for name in module.trees if name in trees]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from codra_dsl.build_plan.names import module_name
+from codra_dsl.build_plan.names import entry_names, module_name
 from codra_dsl.build_plan.values import Module, Tree
 from codra_dsl.check.checked import CheckedSpec
 from codra_dsl.diagnostics import Place
@@ -26,9 +26,10 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
     A tree goes where its first algorithm is declared, and its other algorithms go with it.
     """
     spec, contents = checked.spec, dict[str, _Contents]()
+    taken = entry_names(spec)
 
     def home(section: str, name: str, place: Place) -> _Contents:
-        found = contents.setdefault(module_name(spec.origins[section, name]), _Contents())
+        found = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
         found.files |= {place.span.file} if place.use is None else set()
         return found
 
@@ -39,7 +40,7 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
         home("perception", algorithm.name, algorithm.place).trees.append(tree.name)
     for skill in spec.skills:
         home("skills", skill.name, skill.place).skills.append(skill.name)
-    uses = {module_name(use.instance): use for use in spec.uses}
+    uses = {module_name(use.instance, taken): use for use in spec.uses}
     return tuple(
         Module(
             name=name,

@@ -6,6 +6,8 @@ Functions and branches are written in small letters and constants in capitals, s
 
 from __future__ import annotations
 
+from codra_dsl.model import Spec
+
 MODULE_NAMES = frozenset(
     {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
     | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
@@ -23,6 +25,10 @@ ENTRY_NAMES = frozenset(
     | {"Clock", "ContextManager", "ContextModel", "Reading", "Record", "ResourceModel"}
 )
 """What the entry of a generated package imports or defines itself, apart from its modules."""
+
+KNOWLEDGE_MODULE = "knowledge"
+"""The module of what a spec says of knowledge and agents."""
+
 
 # Written out, since Python's own lists grow from version to version and with what `site` adds.
 _PYTHONS_WORDS = """
@@ -46,14 +52,24 @@ def python_name(text: str, taken: frozenset[str]) -> str:
     return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
 
 
-def module_name(origin: str) -> str:
+def module_name(origin: str, taken: frozenset[str] = ENTRY_NAMES) -> str:
     """Return the Python name of the module for what `load` calls the origin of an element, an identifier."""
-    return python_name(origin.lower(), ENTRY_NAMES)
+    return python_name(origin.lower(), taken)
 
 
 def class_name(name: str) -> str:
     """Return the Python name of the class that stands for a spec's context, e.g. `PcrLab` for `pcr_lab`."""
     return python_name(camel_case(name), ENTRY_NAMES)
+
+
+def knowledge_class(name: str) -> str:
+    """Return the Python name of the class that stands for a spec's graph."""
+    return f"{class_name(name)}Knowledge"
+
+
+def entry_names(spec: Spec) -> frozenset[str]:
+    """Return what the entry of a spec's package takes for itself: more where the spec says something of knowledge."""
+    return ENTRY_NAMES | {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)} if spec.knows else ENTRY_NAMES
 
 
 def camel_case(name: str) -> str:

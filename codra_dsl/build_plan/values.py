@@ -19,6 +19,12 @@ class EdgeKind(StrEnum):
     RUNS = "runs"
     DECIDES_ON = "decides_on"
     FEEDBACK = "feedback"
+    OWNS = "owns"
+    READS = "reads"
+    REQUESTS = "requests"
+    EXECUTES = "executes"
+    LEADS_FROM = "leads_from"
+    LEADS_TO = "leads_to"
 
 
 class NodeKind(StrEnum):
@@ -28,6 +34,10 @@ class NodeKind(StrEnum):
     PERCEPTION = "perception"
     OBSERVER = "observer"
     SKILL = "skill"
+    AGENT = "agent"
+    TYPE = "type"
+    EDGE = "edge"
+    TASK = "task"
 
 
 class Node(NamedTuple):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from codra_dsl.check.knowledge.checked import CheckedKnowledge
 from codra_dsl.diagnostics import Place
 from codra_dsl.model import Algorithm, Spec, Variable
 
@@ -83,6 +84,7 @@ class CheckedSpec:
         decisions: the variables that Algorithm 2 starts from (its line 3), in order: what skills preview and monitor,
             or every variable that has an algorithm where no skill is declared.
         expectations: by skill, what it expects of what it monitors.
+        knowledge: None where the spec says nothing of it.
     """
 
     spec: Spec
@@ -91,3 +93,4 @@ class CheckedSpec:
     producers: Mapping[str, tuple[str, ...]]
     decisions: tuple[str, ...]
     expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)
+    knowledge: CheckedKnowledge | None = None

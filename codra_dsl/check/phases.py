@@ -15,6 +15,7 @@ from codra_dsl.check.knowledge.ends import KNOWLEDGE_TYPES
 from codra_dsl.check.knowledge.frames import FRAMES
 from codra_dsl.check.knowledge.handovers import HANDOVERS
 from codra_dsl.check.knowledge.leftovers import KNOWLEDGE_LEFTOVERS
+from codra_dsl.check.knowledge.lowered import checked_knowledge
 from codra_dsl.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.check.knowledge.owners import OWNERS
 from codra_dsl.check.knowledge.triplets import TRIPLETS
@@ -96,6 +97,7 @@ def _checked(scope: Scope) -> CheckedSpec:
         producers=scope.producers,
         decisions=scope.decisions,
         expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
+        knowledge=checked_knowledge(scope),
     )
 
 

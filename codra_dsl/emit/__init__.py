@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from codra_dsl.build_plan import BuildPlan
+from codra_dsl.build_plan.names import KNOWLEDGE_MODULE
 from codra_dsl.emit.entry import entry_text
+from codra_dsl.emit.knowledge import knowledge_text
 from codra_dsl.emit.modules import module_texts
 from codra_dsl.emit.records import SOURCES, graph_text, manifest_text, sources_text
 from codra_dsl.emit.rendering import render
@@ -24,6 +26,8 @@ def emit(plan: BuildPlan) -> Mapping[str, str]:
         "graph.json": graph_text(plan),
         **dict(module_texts(plan)),
     }
+    if plan.checked.knowledge is not None:
+        outputs[f"{KNOWLEDGE_MODULE}.py"] = knowledge_text(plan, plan.checked.knowledge)
     outputs["manifest.json"] = manifest_text(plan, outputs)
     outputs[SOURCES] = sources_text(plan)
     return {f"{plan.name}/{path}": outputs[path] for path in sorted(outputs)}

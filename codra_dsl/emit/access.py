@@ -6,10 +6,11 @@ They are for editors and type checkers: at run time the calls reach the context 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from codra_dsl.emit.layout import WIDTH
+from codra_dsl.emit.layout import WIDTH, bracketed, laid_out
+from codra_dsl.emit.literals import text_literal
 
 _OUTER, _INNER = 8 * " ", 12 * " "
 _NAMES = "VariableName"
@@ -160,3 +161,10 @@ def _signature(shape: _Shape, names: str, typed: str, rest: Sequence[str], retur
         after = f") -> (\n{_INNER}{types}\n{_OUTER}):"
     lines = f",\n{_INNER}".join(given)
     return f"{before}\n{_INNER}{lines},\n{_OUTER}{after}"
+
+
+def alias(name: str, members: Iterable[str]) -> str:
+    """Return the statement that makes `name` stand for one of some strings."""
+    items = tuple(map(text_literal, dict.fromkeys(members)))
+    literals = laid_out(bracketed("Literal[", items, "]"), before=len(name) + 3)
+    return f"{name} = {literals if items else 'Never'}"

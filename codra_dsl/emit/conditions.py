@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
-from codra_dsl.emit.layout import Brackets, Chain, Expression, Grouped, bracketed, laid_out
+from codra_dsl.emit.layout import WIDEST, Brackets, Chain, Expression, Grouped, bracketed, laid_out
 from codra_dsl.emit.literals import literal
 
 WORDS = frozenset(
@@ -15,7 +15,10 @@ WORDS = frozenset(
 )
 """The functions of `codra_dsl.runtime.conditions` that conditions are made of."""
 
-_CALLABLE = WORDS | {"abs"}
+POSES = frozenset({"distance", "in_view"})
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge have beside these."""
+
+_CALLABLE = WORDS | POSES | {"abs"}
 _ALONE = {word: frozenset({word}) for word in WORDS}
 _METHODS = frozenset({"is_in"})
 # What most conditions look like; all others go through Python's own parser, with the same outcome.
@@ -23,7 +26,6 @@ _SIMPLE = re.compile(
     r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
     r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""
 )
-_WIDEST = 10_000
 
 _COMPARISONS: Mapping[type[ast.cmpop], str] = {
     ast.Lt: "<",
@@ -64,7 +66,7 @@ def condition(python: str) -> tuple[Expression, frozenset[str]]:
     except SyntaxError as error:
         raise ConditionError(f"{python!r}: {error.msg}") from error
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
-    return _expression(tree), frozenset(names & WORDS)
+    return _expression(tree), frozenset(names & (WORDS | POSES))
 
 
 def _expression(node: ast.expr) -> Expression:
@@ -145,4 +147,4 @@ def _strength(node: ast.BinOp) -> int:
 
 
 def _flat(expression: Expression) -> str:
-    return laid_out(expression, before=-_WIDEST)
+    return laid_out(expression, before=-WIDEST)

@@ -57,9 +57,9 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
         name=literal(declared.name),
         call=literal(declared.call),
         parameters=dictionary({text_literal(name): literal(value) for name, value in declared.parameters}),
-        handles=_names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
-        slots=_names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
-        given=_names(reference.name for reference in declared.given),
+        handles=names(usage.resource.name for usage in declared.uses if usage.access is Access.READ),
+        slots=names(usage.resource.name for usage in declared.uses if usage.access is Access.SLOT),
+        given=names(reference.name for reference in declared.given),
         returns=dictionary({text_literal(each.name): _returned(each, imports) for each in declared.returns}),
         timeout_s=literal(declared.timeout_s),
         min_interval_s=literal(declared.min_interval_s),
@@ -74,9 +74,9 @@ def variable(declared: Variable, imports: Imports) -> Expression:
         "VariableModel",
         imports,
         name=literal(declared.name),
-        type=_type(declared.type, imports),
+        type=value_type(declared.type, imports),
         label=literal(declared.label if declared.label != declared.name else ""),
-        sources=_names([reference.name for reference in declared.sources] or ["observer"]),
+        sources=names([reference.name for reference in declared.sources] or ["observer"]),
         valid_for_s=literal(declared.valid_for_s),
         when_unobservable=text_literal(declared.when_unobservable),
         refresh=text_literal(declared.refresh),
@@ -91,7 +91,7 @@ def observer(tree: Tree, imports: Imports) -> Expression:
         "ObserverModel",
         imports,
         name=literal(tree.name),
-        identifies=_names(tree.identifies),
+        identifies=names(tree.identifies),
         build=tree.function,
         period_s=literal(tree.period_s),
         priority=literal(tree.priority),
@@ -105,9 +105,9 @@ def skill(declared: Skill, expectations: Iterable[CheckedExpectation], imports: 
         "SkillModel",
         imports,
         name=literal(declared.name),
-        preview=_names(reference.name for reference in declared.preview),
-        monitor=_names(expectation.variable.name for expectation in declared.monitor),
-        changes=_names(reference.name for reference in declared.changes),
+        preview=names(reference.name for reference in declared.preview),
+        monitor=names(expectation.variable.name for expectation in declared.monitor),
+        changes=names(reference.name for reference in declared.changes),
         expects=tuple_of(_expectation(each, imports) for each in expectations),
     )
     return call("SkillModel", **fields)
@@ -128,9 +128,14 @@ def _expectation(expected: CheckedExpectation, imports: Imports) -> Expression:
 
 
 def _told(model: str, imports: Imports, **fields: Expression) -> dict[str, Expression]:
+    return told_fields(model, DEFAULTS[model], imports, fields)
+
+
+def told_fields(
+    model: str, defaults: Mapping[str, Expression], imports: Imports, fields: Mapping[str, Expression]
+) -> dict[str, Expression]:
     """Return the fields that differ from what the runtime takes for granted; say what they import."""
     imports.use(model)
-    defaults = DEFAULTS[model]
     told = {name: value for name, value in fields.items() if _on_one_line(value) != defaults.get(name)}
     imports.use_math_for(told.values())
     return told
@@ -140,16 +145,18 @@ def _on_one_line(value: Expression) -> str | None:
     return value if isinstance(value, str) else value.flat
 
 
-def _names(names: Iterable[str]) -> Expression:
+def names(several: Iterable[str]) -> Expression:
     """Return a tuple of names, each once."""
-    return tuple_of(text_literal(name) for name in dict.fromkeys(names))
+    return tuple_of(text_literal(name) for name in dict.fromkeys(several))
 
 
 def _returned(returned: Returned, imports: Imports) -> Expression:
-    return _type(returned.type, imports, optional="True") if returned.optional else _type(returned.type, imports)
+    return (
+        value_type(returned.type, imports, optional="True") if returned.optional else value_type(returned.type, imports)
+    )
 
 
-def _type(declared: ValueType, imports: Imports, **optional: Expression) -> Expression:
+def value_type(declared: ValueType, imports: Imports, **optional: Expression) -> Expression:
     """Return the type of a value; bounds of whole numbers are whole."""
     function = _TYPES[declared.kind]
     imports.use(function)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from codra_dsl.build_plan import BuildPlan
-from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
-from codra_dsl.emit.access import Values, methods
+from codra_dsl.build_plan.names import camel_case, entry_names, knowledge_class
+from codra_dsl.emit.access import Values, alias, methods
 from codra_dsl.emit.declarations import resource
 from codra_dsl.emit.imports import Imports
-from codra_dsl.emit.layout import WIDTH, Expression, bracketed, call, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.emit.literals import text_literal
 from codra_dsl.emit.rendering import made_by, render
 from codra_dsl.model import Kind
@@ -27,9 +27,11 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "Record")
     kinds = _values(plan)
     imports.use_math_for(["math.inf"] if kinds else [])
+    knows = plan.checked.knowledge is not None
+    imports.use(*(["TYPE_CHECKING"] if knows else []))
     imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
     imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
-    aliases = [*_variable_aliases(kinds), _alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
+    aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
     imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
     return render(
         "entry.py.j2",
@@ -42,6 +44,7 @@ def entry_text(plan: BuildPlan) -> str:
         name=plan.name,
         class_name=plan.class_name,
         methods=list(methods(kinds)),
+        knowledge=knowledge_class(plan.name) if knows else "",
     )
 
 
@@ -56,7 +59,7 @@ def _values(plan: BuildPlan) -> list[Values]:
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         by_type.setdefault((kind, members), []).append(variable.name)
-    taken = {plan.class_name, *ENTRY_NAMES}
+    taken = {plan.class_name, *entry_names(plan.checked.spec)}
     return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
 
 
@@ -76,12 +79,12 @@ def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: se
 def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
     for values in kinds:
         if values.members:
-            yield _alias(values.type, values.members)
+            yield alias(values.type, values.members)
     if len(kinds) > 1:
-        yield from (_alias(values.alias, values.variables) for values in kinds)
+        yield from (alias(values.alias, values.variables) for values in kinds)
         yield _union("VariableName", [values.alias for values in kinds])
     else:
-        yield _alias("VariableName", [name for values in kinds for name in values.variables])
+        yield alias("VariableName", [name for values in kinds for name in values.variables])
     for values in kinds:
         variable = call("TypeVar", text_literal(values.answer), bound=f"{values.type} | None")
         yield f"{values.answer} = {laid_out(variable, before=len(values.answer) + 3)}"
@@ -92,13 +95,6 @@ def _union(name: str, types: list[str]) -> str:
     flat = f"{name} = {' | '.join(types)}"
     spread = "\n    | ".join(types)
     return flat if len(flat) <= WIDTH else f"{name} = (\n    {spread}\n)"
-
-
-def _alias(name: str, members: Iterable[str]) -> str:
-    """Return the statement that makes `name` stand for one of some strings."""
-    items = tuple(map(text_literal, members))
-    literals = laid_out(bracketed("Literal[", items, "]"), before=len(name) + 3)
-    return f"{name} = {literals if items else 'Never'}"
 
 
 def _counted(plan: BuildPlan) -> str:
@@ -114,9 +110,13 @@ def _counted(plan: BuildPlan) -> str:
 def _local_imports(plan: BuildPlan) -> str:
     names = [module.name for module in plan.modules]
     flat = f"from . import {', '.join(names)}"
+    known = (
+        [] if plan.checked.knowledge is None else [f"from .knowledge import KNOWLEDGE, {knowledge_class(plan.name)}"]
+    )
     if not names:
-        return ""
-    return flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
+        return "\n".join(known)
+    plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
+    return "\n".join([plain, *known])
 
 
 def _model(plan: BuildPlan, imports: Imports) -> Expression:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from codra_dsl.emit.conditions import WORDS
+from codra_dsl.emit.conditions import POSES, WORDS
 from codra_dsl.emit.layout import WIDTH, Expression, laid_out, spread_tuple
 
 _HOMES: Mapping[str, Iterable[str]] = {
     "collections.abc": ["Callable", "Mapping"],
+    "contextlib": ["AbstractContextManager"],
     "typing": ["TYPE_CHECKING", "Any", "Literal", "Never", "TypeVar", "overload"],
     "py_trees.behaviour": ["Behaviour"],
     "py_trees.common": ["ParallelPolicy"],
@@ -16,7 +17,24 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "py_trees.decorators": ["FailureIsSuccess"],
     "codra_dsl.runtime": ["Clock", "ContextManager", "Reading", "Record"],
     "codra_dsl.runtime.behaviours": ["Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"],
-    "codra_dsl.runtime.conditions": WORDS,
+    "codra_dsl.runtime.conditions": [*WORDS, "Term"],
+    "codra_dsl.runtime.geometry": ["Motion", "Pose"],
+    "codra_dsl.runtime.knowledge": [
+        "AgentHandle",
+        "Edge",
+        "Handover",
+        "Knowledge",
+        "Node",
+        "Request",
+        "Snapshot",
+        "Transaction",
+    ],
+    "codra_dsl.runtime.knowledge.declarations": [
+        *["AgentModel", "AttributeModel", "EdgeModel", "EdgeTypeModel", "KnowledgeModel", "NodeModel", "NodeTypeModel"],
+        *["Phase", "RuleModel", "TaskModel", "ViewModel", "Writer"],
+        *["absent", "anything", "backward", "by", "path", "ranked", "some"],
+        *POSES,
+    ],
     "codra_dsl.runtime.model": [
         *[
             "Algorithm",
@@ -32,7 +50,7 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "codra_dsl.runtime.observer": ["Observer"],
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
-_SECTIONS = (("collections.abc", "typing"), ("py_trees",), ("codra_dsl",))
+_SECTIONS = (("collections.abc", "contextlib", "typing"), ("py_trees",), ("codra_dsl",))
 
 
 class Imports:

@@ -13,6 +13,9 @@ from typing import NamedTuple
 WIDTH = 120
 _STEP = 4
 
+WIDEST = 10_000
+"""Wider than any line that is to stay one."""
+
 SHORT = 70
 """So short a text fits wherever a declaration or a behaviour may stand: none is indented by half the width."""
 

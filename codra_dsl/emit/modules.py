@@ -28,18 +28,23 @@ def _text(plan: BuildPlan, module: Module, trees: list[Tree], skills: list[Skill
     imports.use("VariableModel", "ObserverModel", "SkillModel")
     variables = (plan.checked.variables[name] for name in module.variables)
     branches = (branch for tree in trees for branch in tree.branches)
+    of_skill = plan.checked.expectations
     texts = {
         "algorithms": [f"{branch.constant} = {laid_out(algorithm(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
-        "variables": _one_a_line(variable(each, imports) for each in variables),
-        "observers": _one_a_line(observer(tree, imports) for tree in trees),
-        "skills": _one_a_line(skill(each, plan.checked.expectations.get(each.name, ()), imports) for each in skills),
+        "variables": _listed("VARIABLES", "VariableModel", (variable(each, imports) for each in variables)),
+        "observers": _listed("OBSERVERS", "ObserverModel", (observer(tree, imports) for tree in trees)),
+        "skills": _listed(
+            "SKILLS", "SkillModel", (skill(each, of_skill.get(each.name, ()), imports) for each in skills)
+        ),
     }
     return render("module.py.j2", title=_title(module), made_by=made_by(plan), imports=imports.lines(), **texts)
 
 
-def _one_a_line(declarations: Iterable[Expression]) -> str:
-    return laid_out(spread_tuple(declarations))
+def _listed(name: str, kind: str, declarations: Iterable[Expression]) -> str:
+    """Return a statement with declarations, one a line."""
+    before = f"{name}: tuple[{kind}, ...] = "
+    return before + laid_out(spread_tuple(declarations), before=len(before))
 
 
 def _title(module: Module) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 from codra_dsl import __version__
 from codra_dsl.build_plan import BuildPlan, Edge, Node, NodeKind
 from codra_dsl.diagnostics import Place, Span
+from codra_dsl.emit.known import about_variable, known_nodes, known_places, node_id
 from codra_dsl.model import Agent, Algorithm, Variable
 from codra_dsl.project import MANIFEST_FORMAT
 
@@ -32,17 +33,11 @@ _TOLD_APART = frozenset({(Agent, "conduct")})
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
 
-def node_id(plan: BuildPlan, node: Node) -> str:
-    """Return the name of a node in files and pictures, e.g. `lab/context/centrifuge_open`."""
-    return f"{plan.name}/{node.kind}/{node.name}"
-
-
 def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
     """Yield the nodes of the dependency graph, kind by kind in the order of the plan, with what is said of each."""
     checked = plan.checked
     for name in plan.in_force:
-        variable = checked.variables[name]
-        yield Node(NodeKind.CONTEXT, name), {"label": variable.label, "type": variable.type.kind.value}
+        yield Node(NodeKind.CONTEXT, name), about_variable(checked.variables[name])
     for tree in plan.forest:
         for branch in tree.branches:
             call = branch.algorithm.algorithm.call
@@ -51,6 +46,8 @@ def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
         yield Node(NodeKind.OBSERVER, tree.name), {"label": tree.name, "period_s": tree.period_s}
     for skill in checked.spec.skills:
         yield Node(NodeKind.SKILL, skill.name), {"label": skill.name}
+    if checked.knowledge is not None:
+        yield from known_nodes(plan, checked.knowledge)
 
 
 def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
@@ -122,6 +119,8 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         yield node_id(plan, Node(NodeKind.OBSERVER, tree.name)), place
     for skill in spec.skills:
         yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
+    if plan.checked.knowledge is not None:
+        yield from known_places(plan, plan.checked.knowledge)
 
 
 def _where(place: Place) -> str:

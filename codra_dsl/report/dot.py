@@ -126,11 +126,15 @@ def _text(label: str) -> str:
     return _ENTITY.sub("&amp;", label)
 
 
+_ROOM: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
+"""How much wider than its label a shape must be."""
+
+
 def _width_in(label: str, look: NodeLook) -> float:
     """Return the least width of a node in inches, in which its label fits even where no font can be measured."""
     longest = max(map(_letters, label.split("\n")))
     width_in = 0.2 + longest * _LETTER_EM * _LABEL_PT / 72
-    return width_in * (1.25 if look.shape == "hexagon" else 1.0)
+    return width_in * _ROOM.get(look.shape, 1.0)
 
 
 def _letters(text: str) -> int:
@@ -248,6 +252,12 @@ def _sample(look: NodeLook, meaning: str) -> str:
     dashes = ' stroke-dasharray="4 2"' if "dashed" in look.style else ""
     if look.shape == "hexagon":
         drawing = f'<polygon points="0,0 9,-8 55,-8 64,0 55,8 9,8" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "house":
+        drawing = f'<polygon points="0,8 0,-4 32,-10 64,-4 64,8" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "octagon":
+        drawing = f'<polygon points="8,-8 56,-8 64,-3 64,3 56,8 8,8 0,3 0,-3" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "ellipse":
+        drawing = f'<ellipse cx="32" rx="32" ry="9" fill="{look.fill}" stroke="black"/>'
     elif look.shape == "cds":
         drawing = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
     else:
@@ -267,7 +277,7 @@ def _arrow_sample(look: EdgeLook) -> str:
     width = 2 if look.style == "bold" else 1
     line = f'<path d="M12,0H46" stroke="{look.colour}" stroke-width="{width}"{_DASHES.get(look.style, "")}/>'
     fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"
-    head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>'
+    head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>' if look.head != "none" else ""
     ends = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
     return ends + line + head + _words(look.sentence)
 

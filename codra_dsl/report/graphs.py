@@ -11,8 +11,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from codra_dsl.build_plan import BuildPlan, EdgeKind, Node, NodeKind
+from codra_dsl.build_plan.names import entry_names, module_name
 from codra_dsl.check.latency import worst_cases
-from codra_dsl.emit.records import graph_nodes, list_of, node_id, object_of, places
+from codra_dsl.emit.known import node_id
+from codra_dsl.emit.records import graph_nodes, list_of, object_of, places
 from codra_dsl.selection import Choice, Choices
 
 
@@ -65,7 +67,9 @@ class Link:
         return (self.target, self.source) if self.kind in _AGAINST_THE_FLOW else (self.source, self.target)
 
 
-_AGAINST_THE_FLOW = frozenset({EdgeKind.REQUIRES, EdgeKind.DECIDES_ON, EdgeKind.FEEDBACK})
+_AGAINST_THE_FLOW = frozenset(
+    {EdgeKind.REQUIRES, EdgeKind.DECIDES_ON, EdgeKind.FEEDBACK, EdgeKind.READS, EdgeKind.EXECUTES, EdgeKind.LEADS_FROM}
+)
 """Edges whose sentence ends where knowledge comes from."""
 
 
@@ -164,7 +168,29 @@ def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
         nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in made for branch in tree.branches]
         nodes += [Node(NodeKind.SKILL, name) for name in module.skills]
         groups |= dict.fromkeys(nodes, module.name)
+    taken = entry_names(plan.checked.spec)
+    for node, _ in graph_nodes(plan):
+        if node not in groups:  # of knowledge, which has one module
+            groups[node] = module_name(_origin(plan, node), taken)
     return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
+
+
+_SECTIONS = {
+    NodeKind.CONTEXT: "context",
+    NodeKind.AGENT: "agents",
+    NodeKind.TYPE: "types",
+    NodeKind.EDGE: "edges",
+    NodeKind.TASK: "tasks",
+}
+
+
+def _origin(plan: BuildPlan, node: Node) -> str:
+    """Return where an element of knowledge is declared, as `load` calls it; a type that only nodes name, with these."""
+    spec = plan.checked.spec
+    key = (_SECTIONS[node.kind], node.name)
+    if key in spec.origins:
+        return spec.origins[key]
+    return next(spec.origins["nodes", each.name] for each in spec.nodes if each.type.name == node.name)
 
 
 def _observers(plan: BuildPlan) -> Mapping[Node, str]:

@@ -19,6 +19,10 @@ class Shown(StrEnum):
     PERCEPTION = "perception"
     OBSERVER = "observer"
     SKILL = "skill"
+    AGENT = "agent"
+    TYPE = "type"
+    EDGE = "edge"
+    TASK = "task"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +65,10 @@ NODES: Mapping[Shown, NodeLook] = {
     Shown.PERCEPTION: NodeLook(shape="box", fill="#fff3c4", style="filled", meaning="perception algorithm"),
     Shown.OBSERVER: NodeLook(shape="hexagon", fill="#d8efd3", style="filled", meaning="observer"),
     Shown.SKILL: NodeLook(shape="cds", fill="#f6d5c0", style="filled", meaning="skill of the main execution"),
+    Shown.AGENT: NodeLook(shape="house", fill="#e5d9f2", style="filled", meaning="agent that writes knowledge"),
+    Shown.TYPE: NodeLook(shape="box", fill="#e4e4e4", style="filled,rounded", meaning="type of nodes"),
+    Shown.EDGE: NodeLook(shape="ellipse", fill="#ffffff", style="filled", meaning="type of edges between nodes"),
+    Shown.TASK: NodeLook(shape="octagon", fill="#fde0e6", style="filled", meaning="task that agents hand over"),
 }
 
 EDGES: Mapping[EdgeKind, EdgeLook] = {
@@ -73,6 +81,12 @@ EDGES: Mapping[EdgeKind, EdgeLook] = {
     EdgeKind.FEEDBACK: EdgeLook(
         colour="#c2185b", style="dashed", head="empty", sentence="A is read by B, which does not wait for it"
     ),
+    EdgeKind.OWNS: EdgeLook(colour="#6a3fa0", style="bold", head="normal", sentence="A may write B"),
+    EdgeKind.READS: EdgeLook(colour="#6a3fa0", style="dashed", head="vee", sentence="A is read by agent B"),
+    EdgeKind.REQUESTS: EdgeLook(colour="#b3123a", style="solid", head="normal", sentence="A may ask for task B"),
+    EdgeKind.EXECUTES: EdgeLook(colour="#b3123a", style="bold", head="normal", sentence="A is done by agent B"),
+    EdgeKind.LEADS_FROM: EdgeLook(colour="#777777", style="solid", head="none", sentence="edges B lead from nodes A"),
+    EdgeKind.LEADS_TO: EdgeLook(colour="#777777", style="solid", head="open", sentence="edges A lead to nodes B"),
 }
 
 FRAME = "an observer with what it runs and identifies"

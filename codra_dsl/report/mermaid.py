@@ -26,6 +26,10 @@ _SHAPES: Mapping[Shown, tuple[str, str]] = {
     Shown.PERCEPTION: ("[", "]"),
     Shown.OBSERVER: ("{{", "}}"),
     Shown.SKILL: ("([", "])"),
+    Shown.AGENT: ("[/", "\\]"),
+    Shown.TYPE: ("(", ")"),
+    Shown.EDGE: ("((", "))"),
+    Shown.TASK: ("[[", "]]"),
 }
 _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.REQUIRES: "-->",
@@ -33,6 +37,12 @@ _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.RUNS: "-.->",
     EdgeKind.DECIDES_ON: "-.->",
     EdgeKind.FEEDBACK: "-.-o",
+    EdgeKind.OWNS: "==>",
+    EdgeKind.READS: "-.->",
+    EdgeKind.REQUESTS: "-->",
+    EdgeKind.EXECUTES: "==>",
+    EdgeKind.LEADS_FROM: "---",
+    EdgeKind.LEADS_TO: "-->",
 }
 
 

@@ -69,11 +69,24 @@ def _data(graph: Graph) -> Mapping[str, object]:
     }
 
 
-_FACTS = {"type": "Type", "call": "Calls", "period_s": "Looks every"}
+_FACTS = {
+    "type": "Type",
+    "call": "Calls",
+    "period_s": "Looks every",
+    "phase": "Phase",
+    "wakes": "Wakes",
+    "attributes": "Attributes",
+    "carries": "Label",
+    "results": "Results",
+}
+
+
+def _said(value: object) -> object:
+    return ", ".join(map(str, value)) if isinstance(value, list) else value
 
 
 def _node(element: Element) -> Mapping[str, object]:
-    facts = {_FACTS[name]: value for name, value in element.about.items() if name in _FACTS}
+    facts = {_FACTS[name]: _said(value) for name, value in element.about.items() if name in _FACTS and value != []}
     if "Looks every" in facts:
         facts["Looks every"] = f"{facts['Looks every']:g} s"
     return {

@@ -9,12 +9,18 @@ from codra_dsl.build_plan import BuildPlan
 from codra_dsl.diagnostics import Diagnostic, Place, Span, suggest
 from codra_dsl.review.algorithms import algorithm_changes
 from codra_dsl.review.changes import Category, Change, Latency, Review, in_order
+from codra_dsl.review.knowledge import knowledge_changes
 from codra_dsl.review.observers import layout_changes, observer_changes, resource_changes
 from codra_dsl.review.skills import skill_changes
 from codra_dsl.review.variables import variable_changes
 from codra_dsl.review.version import Broken, Pair, Version, paired
 
-_KINDS = {"skills": "skill", "observers": "observer", "resources": "resource", "agents": "agent"}
+_KINDS = {"skills": "skill", "observers": "observer", "resources": "resource", "agents": "agent"} | {
+    "types": "type",
+    "nodes": "node",
+    "edges": "edge",
+    "tasks": "task",
+}
 _BY_CODE = {"CDR5101": Category.CYCLIC, "CDR5102": Category.UNOBSERVABLE}
 
 
@@ -43,6 +49,7 @@ def _compared(pair: Pair) -> Iterator[Change]:
     yield from observer_changes(pair)
     yield from resource_changes(pair)
     yield from layout_changes(pair)
+    yield from knowledge_changes(pair)
 
 
 def _latencies(pair: Pair) -> Iterator[Latency]:
@@ -70,7 +77,7 @@ def _errors(broken: Broken) -> Iterator[Change]:
 
 def _element(broken: Broken, found: Diagnostic) -> str:
     spec = broken.name or broken.file
-    section, _, rest = found.path.partition(".")
+    section, _, rest = found.path.removeprefix("knowledge.").partition(".")
     if section not in ("context", "perception", *_KINDS) or not rest:
         return spec
     return f"{spec}/{_KINDS.get(section, section)}/{rest.partition('.')[0]}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from fractions import Fraction
 
-from codra_dsl.build_plan.names import ENTRY_NAMES, camel_case
+from codra_dsl.build_plan.names import camel_case, entry_names
 from codra_dsl.check.intervals import in_base
 from codra_dsl.diagnostics import Place, suggest
 from codra_dsl.model import Kind, Refresh, ValueType, Variable, WhenUnobservable
@@ -184,7 +184,9 @@ def _of_words(pair: Pair, old: Variable, new: Variable) -> Iterator[Change]:
     if old.description != new.description:
         yield _change(pair, (old, new), Category.WORDING, "description", "is described in other words")
     if old.node != new.node:
-        yield _change(pair, (old, new), Category.LAYOUT, "of", "belongs to another node", old.node, new.node)
+        named = any(side.plan.checked.spec.knows for side in (pair.old, pair.new))  # then agents name it with its node
+        category = Category.API if named else Category.LAYOUT
+        yield _change(pair, (old, new), category, "of", "belongs to another node", old.node, new.node)
 
 
 def _of_producers(pair: Pair, name: str, told: set[tuple[str, ...]]) -> Iterator[Change]:
@@ -243,7 +245,7 @@ def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
         kinds[variable.type.kind, variable.type.values] = None
         if variable.type.kind is Kind.ENUM:
             groups.setdefault(variable.type.values, []).append(variable.name)
-    taken = {side.plan.class_name, *ENTRY_NAMES}
+    taken = {side.plan.class_name, *entry_names(side.plan.checked.spec)}
     found: dict[str, tuple[str, ...]] = {}
     for names in groups.values():
         alias = camel_case(names[0])

@@ -25,6 +25,7 @@ from codra_dsl.runtime.holding import Holding
 from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
 from codra_dsl.runtime.journal import Record, Scribe
 from codra_dsl.runtime.journal.head import Head
+from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel
 from codra_dsl.runtime.messages import Send, Session
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.names import UnknownNameError, unknown
@@ -56,6 +57,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         record: what happened.
         model: what the spec was compiled to.
         inputs: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
+        knowledge: the graph, if the spec declares one.
     """
 
     @paused_collector()
@@ -68,6 +70,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         seed: int = 0,
         record: Record | None = None,
         find: Callable[[Algorithm], Function] = imported,
+        knowledge: KnowledgeModel | None = None,
     ) -> None:
         """Build the forest; nothing runs before something is declared.
 
@@ -78,6 +81,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             seed: of the chance that jobs see as `job.random`.
             record: takes every change; by default one of its own.
             find: returns the perception function of an algorithm; by default the one that its `call` names.
+            knowledge: what the spec says of knowledge, if it does.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or of no use.
@@ -87,8 +91,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self.model = model
         self._lock = threading.RLock()
         self._clock = LockedClock(clock, self._lock)
-        self._time = clock
-        self._now_s = clock.now_s
+        self._time, self._now_s = clock, clock.now_s
         self._scribe = Scribe(self.record, self._clock, self._clock.place)
         self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
         self._skills = {skill.name: skill for skill in model.skills}
@@ -124,6 +127,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             skills=self._skills,
             explain=self._explained,
         )
+        self.knowledge = None if knowledge is None else Knowledge(knowledge, clock=clock)
         self._holding = Holding(self._slots, self.inputs, self._clock)
         self._sessions = itertools.count(2)
         self.record.begin(lambda: self._head(seed))

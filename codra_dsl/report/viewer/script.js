@@ -53,7 +53,7 @@ function outline(kind, width, height) {
   const w = width / 2, h = height / 2;
   if (kind === "observer") return shape("polygon", { points: `${-w},0 ${-w + 14},${-h} ${w - 14},${-h} ${w},0 ${w - 14},${h} ${-w + 14},${h}` });
   if (kind === "skill") return shape("polygon", { points: `${-w},${-h} ${w - 10},${-h} ${w},0 ${w - 10},${h} ${-w},${h}` });
-  const round = kind === "context" || kind === "given" || kind === "box" ? 7 : 0;
+  const round = kind === "context" || kind === "given" || kind === "type" || kind === "box" ? 7 : 0;
   return shape("rect", { x: -w, y: -h, width, height, rx: round });
 }
 

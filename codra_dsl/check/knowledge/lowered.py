@@ -1,0 +1,106 @@
+"""The making of `CheckedKnowledge`: patterns in the words of the runtime, who owns and reads what, starting values."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from codra_dsl.check.knowledge.checked import CheckedAgent, CheckedKnowledge, CheckedPattern, CheckedRule
+from codra_dsl.check.knowledge.ends import starting_value
+from codra_dsl.check.knowledge.owners import owns, reads
+from codra_dsl.check.knowledge.world import World
+from codra_dsl.check.scope import OBSERVER, Scope
+from codra_dsl.expression import Path, reads_of
+from codra_dsl.model import Agent, AgentRule, Condition, Literal
+
+_READERS = frozenset({"value", "known", "age"})
+
+
+def checked_knowledge(scope: Scope) -> CheckedKnowledge | None:
+    """Return the knowledge of a sound spec; None where it says nothing of that."""
+    if not scope.spec.knows:
+        return None
+    world = scope.world
+    return CheckedKnowledge(
+        world=world,
+        agents=tuple(_agent(scope, agent) for agent in scope.spec.agents),
+        writers=tuple(dict.fromkeys((*world.agents, *_writers(world)))),
+        values={node.name: dict(_values(world, node.name)) for node in scope.spec.nodes},
+    )
+
+
+def _agent(scope: Scope, agent: Agent) -> CheckedAgent:
+    return CheckedAgent(
+        agent=agent,
+        owns=owns(scope.world, agent.name),
+        reads=reads(scope.world, agent),
+        wakes=_patterns(scope, agent.conduct.wakes),
+        rules=tuple(_rule(scope, rule) for rule in agent.conduct.rules),
+    )
+
+
+def _rule(scope: Scope, rule: AgentRule) -> CheckedRule:
+    return CheckedRule(
+        name=rule.name,
+        place=rule.place,
+        before=_patterns(scope, rule.before),
+        during=_patterns(scope, rule.during),
+        after=_patterns(scope, rule.after),
+    )
+
+
+def _patterns(scope: Scope, patterns: tuple[Condition, ...]) -> tuple[CheckedPattern, ...]:
+    return tuple(_pattern(scope, pattern) for pattern in patterns)
+
+
+def _pattern(scope: Scope, pattern: Condition) -> CheckedPattern:
+    path = pattern.tree if isinstance(pattern.tree, Path) else None
+    python = "" if path is not None else _over_knowledge(scope.world, scope.python(pattern, None))
+    return CheckedPattern(text=pattern.text, place=pattern.place, path=path, python=python)
+
+
+def _over_knowledge(world: World, python: str) -> str:
+    """Return a lowered condition that reads what it reads as attributes of nodes."""
+    return ast.unparse(_Naming(world).visit(ast.parse(python, mode="eval")))
+
+
+class _Naming(ast.NodeTransformer):
+    """Puts the node of each context-variable before its name, and the runtime's words for what poses tell."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Return a call that reads what it says in the words of knowledge."""
+        self.generic_visit(node)
+        match node:
+            case ast.Call(func=ast.Name(id=reader), args=[ast.Constant(value=str(name))]) if reader in _READERS:
+                return self._reading(reader, name)
+        return node
+
+    def _reading(self, reader: str, name: str) -> ast.Call:
+        function, first, second = reads_of(name)
+        if function and reader == "value":
+            return _called(function, first, second)
+        return _called(reader, name if function or first else f"{self._world.variables[second].node}.{second}")
+
+
+def _called(function: str, *arguments: str) -> ast.Call:
+    return ast.Call(func=ast.Name(id=function), args=[ast.Constant(value=each) for each in arguments], keywords=[])
+
+
+def _writers(world: World) -> Iterator[str]:
+    """Yield the names of all that may write something."""
+    for thing in world.things():
+        names = [writer.name for writer in world.writers(thing)]
+        yield from names or ([OBSERVER] if thing.section == "context" else [])
+    for task in world.tasks.values():
+        yield from (task.by.name, *(each.name for each in task.requesters))
+
+
+def _values(world: World, name: str) -> Iterator[tuple[str, Literal]]:
+    """Yield what is known of a node from the start."""
+    node = world.nodes[name]
+    kind = world.types.get(node.type.name)
+    attributes = {each.name: each for each in (kind.attributes if kind is not None else ())}
+    yield from ((each.name, starting_value(each, attributes[each.name])) for each in node.values)
