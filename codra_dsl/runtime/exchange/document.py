@@ -141,9 +141,11 @@ def coded(content: object, code: int | None = None, extra: Mapping[str, object] 
     Raises:
         ValueError: if no type holds it.
     """
+    if code is not None and code not in _READERS:
+        return DsrValue(code=code, value=content, extra=dict(extra or {}))
     plain = _plain(content)
     for each in (*(() if code is None else (code,)), *_natural(plain)):
-        if each not in _READERS or _is_exactly(plain, each):
+        if _is_exactly(plain, each):
             return DsrValue(code=each, value=plain, extra=dict(extra or {}))
     raise ValueError(f"DSR has no type for {type(content).__name__} {content!r:.60}")
 
@@ -170,7 +172,8 @@ def _natural(plain: object) -> Sequence[int]:
     if isinstance(plain, int):
         return (ValueCode.INT32, ValueCode.UINT64, ValueCode.DOUBLE)
     if isinstance(plain, tuple):
-        return (ValueCode.FLOATS, ValueCode.UINT64S)
+        is_whole = bool(plain) and all(type(each) is int for each in plain)
+        return (ValueCode.UINT64S, ValueCode.FLOATS) if is_whole else (ValueCode.FLOATS,)
     return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain), ())
 
 

@@ -311,9 +311,9 @@ def _number(owner: _Json, key: str, place: _Place) -> int:
 
 def _word(owner: _Json, key: str, place: _Place) -> str:
     found = owner.get(key)
-    if isinstance(found, str) and found:
-        return found
-    place.key(key).complain("a text that is not empty belongs here")
+    if not isinstance(found, str) or not found:
+        place.key(key).complain("a text that is not empty belongs here")
+    return found
 
 
 def _without(owner: _Json, *keys: str) -> dict[str, object]:

@@ -50,7 +50,8 @@ class _Telling:
         left = (key for key in self._edges_before if key not in start.taken and self._still_holds(key))
         placed = [*left, *(edge.key for edge in self._seen.edges())]
         self._parents = {key[2]: key[0] for key in placed if key[1] == RT}
-        self._parents_before = {key[2]: key[0] for key in self._edges_before if key[1] == RT}
+        read = sorted(self._edges_before, key=start.taken.__contains__)  # what the graph holds counts most
+        self._parents_before = {key[2]: key[0] for key in read if key[1] == RT}
 
     def nodes(self) -> Iterator[DsrNode]:
         """Yield the nodes: those that were read in their order, and then the others in theirs."""
