@@ -1,1 +1,1 @@
-"""Main executions that are not plain Python, and how they ask: one module or room for each."""
+"""Main executions that are not plain Python, how they ask, and graphs of other libraries: a module or room for each."""

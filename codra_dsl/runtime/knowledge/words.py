@@ -125,6 +125,10 @@ class Words:
             raise unknown("type of edges", name, self._edge_types)
         return found
 
+    def labelled(self, label: str) -> tuple[EdgeType, ...]:
+        """Return the types of the edges that carry a label."""
+        return tuple(each for each in self._edge_types.values() if each.label == label)
+
     def of_node(self, node: Node) -> Mapping[str, Attribute]:
         """Return the attributes that a node may have."""
         own = self._of_nodes.get(node.name)

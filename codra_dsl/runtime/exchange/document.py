@@ -1,0 +1,269 @@
+"""A graph as RoboComp's DSR has it: numbered nodes, labelled edges, attributes that carry the code of their type.
+
+It holds whatever a file says, declared here or not. A value is plain Python, and `spelled` is how RoboComp's JSON
+writes it: whole numbers of 64 bits as text, since JSON's numbers elsewhere are doubles.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import partial
+
+MOST_NUMBER = 2**64 - 2
+"""The largest number of a node; RoboComp takes the one after it for none."""
+
+_WHOLE = re.compile(r"[+-]?[0-9]{1,20}")
+
+
+class ExchangeError(ValueError):
+    """What was read is no graph: where, what is wrong, and what would be right."""
+
+
+class ValueCode(IntEnum):
+    """The types of DSR's values, by the numbers that files have. Others are kept as the JSON that they are."""
+
+    TEXT = 0
+    INT32 = 1
+    FLOAT = 2
+    FLOATS = 3
+    BOOL = 4
+    BYTES = 5
+    UINT32 = 6
+    UINT64 = 7
+    DOUBLE = 8
+    UINT64S = 9
+    FLOATS_2 = 10
+    FLOATS_3 = 11
+    FLOATS_4 = 12
+    FLOATS_6 = 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrValue:
+    """The value of an attribute.
+
+    Attributes:
+        code: of its type, a `ValueCode` or a number that is none.
+        value: str, int, float, bool, bytes, or a tuple of numbers. None stands for a number that JSON cannot write.
+        extra: what else the file says of it.
+    """
+
+    code: int
+    value: object
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrNode:
+    """A node, whose number and name no other has; `extra` is what else the file says of it."""
+
+    number: int
+    name: str
+    type: str
+    attributes: Mapping[str, DsrValue] = field(default_factory=dict)
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrEdge:
+    """An edge between numbered nodes, of which there is one of each label; `extra` is what else the file says of it."""
+
+    origin: int
+    label: str
+    target: int
+    attributes: Mapping[str, DsrValue] = field(default_factory=dict)
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def key(self) -> tuple[int, str, int]:
+        """Return what tells it from all other edges."""
+        return (self.origin, self.label, self.target)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrGraph:
+    """A graph; `extra` is what else the file says at its top, `model_extra` beside the symbols."""
+
+    nodes: tuple[DsrNode, ...] = ()
+    edges: tuple[DsrEdge, ...] = ()
+    extra: Mapping[str, object] = field(default_factory=dict)
+    model_extra: Mapping[str, object] = field(default_factory=dict)
+
+    def node(self, name: str) -> DsrNode:
+        """Return a node by its name.
+
+        Raises:
+            KeyError: if there is none.
+        """
+        return next((node for node in self.nodes if node.name == name), None) or _no_node(name)
+
+
+def understood(code: int, given: object) -> object:
+    """Return the value that a file spells in some way, as plain Python.
+
+    Whole numbers may be written as text, floats as well and with a comma, as RoboComp reads them.
+
+    Raises:
+        ValueError: if what is given is none of the type.
+    """
+    reader = _READERS.get(code)
+    return given if reader is None else reader(given)
+
+
+def spelled(value: DsrValue) -> object:
+    """Return a value as RoboComp's JSON writes it."""
+    content = value.value
+    match value.code:
+        case ValueCode.UINT32 if isinstance(content, int):
+            return content - 2**32 if content >= 2**31 else content  # RoboComp casts it, and reads it back so
+        case ValueCode.UINT64:
+            return str(content)
+        case ValueCode.UINT64S if isinstance(content, tuple):
+            return [str(each) for each in content]
+        case _ if isinstance(content, (tuple, bytes)):
+            return [_finite(each) for each in content]
+        case _:
+            return _finite(content)
+
+
+def coded(content: object, code: int | None = None, extra: Mapping[str, object] | None = None) -> DsrValue:
+    """Return a plain value with the code of its type.
+
+    Args:
+        content: what `DsrValue.value` may be; lists and numpy's arrays are taken for tuples.
+        code: which it keeps if it can; None for the one that loses nothing.
+        extra: what else is said of it.
+
+    Raises:
+        ValueError: if no type holds it.
+    """
+    if code is not None and code not in _READERS:
+        return DsrValue(code=code, value=content, extra=dict(extra or {}))
+    plain = _plain(content)
+    for each in (*(() if code is None else (code,)), *_natural(plain)):
+        if _is_exactly(plain, each):
+            return DsrValue(code=each, value=plain, extra=dict(extra or {}))
+    raise ValueError(f"DSR has no type for {type(content).__name__} {content!r:.60}")
+
+
+def _is_exactly(plain: object, code: int) -> bool:
+    """Return whether a value is told by a code without becoming another."""
+    try:
+        read = understood(code, list(plain) if isinstance(plain, (tuple, bytes)) else plain)
+    except ValueError:
+        return False
+    return type(read) is type(plain) and read == plain
+
+
+def _plain(content: object) -> object:
+    item = getattr(content, "tolist", None)
+    content = item() if callable(item) else content
+    return tuple(content) if isinstance(content, list) else content
+
+
+def _natural(plain: object) -> Sequence[int]:
+    """Return the codes that may hold a value, the first choice first."""
+    if isinstance(plain, bool):
+        return (ValueCode.BOOL,)
+    if isinstance(plain, int):
+        return (ValueCode.INT32, ValueCode.UINT64, ValueCode.DOUBLE)
+    if isinstance(plain, tuple):
+        is_whole = bool(plain) and all(type(each) is int for each in plain)
+        return (ValueCode.UINT64S, ValueCode.FLOATS) if is_whole else (ValueCode.FLOATS,)
+    return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain), ())
+
+
+def _text(given: object) -> object:
+    if isinstance(given, str):
+        return given
+    raise ValueError(f"{_shown(given)} is no text")
+
+
+def _bool(given: object) -> object:
+    if isinstance(given, bool):
+        return given
+    raise ValueError(f"{_shown(given)} is neither true nor false")
+
+
+def _whole(given: object, low: int, high: int) -> int:
+    if (isinstance(given, str) and _WHOLE.fullmatch(given)) or (isinstance(given, float) and given.is_integer()):
+        given = int(given)
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise ValueError(f"{_shown(given)} is no whole number")
+    if not low <= given <= high:
+        raise ValueError(f"{_shown(given)} lies outside [{low}, {high}]")
+    return given
+
+
+def _uint32(given: object) -> object:
+    """Return a number that RoboComp writes as the negative one of the same bits if it is large."""
+    return _whole(given, -(2**31), 2**32 - 1) % 2**32
+
+
+def _real(given: object) -> object:
+    if given is None:
+        return None
+    if isinstance(given, str):
+        try:
+            return float(given.replace(",", "."))
+        except ValueError:
+            raise ValueError(f"{_shown(given)} is no number") from None
+    if isinstance(given, bool) or not isinstance(given, (int, float)):
+        raise ValueError(f"{_shown(given)} is no number")
+    try:
+        return float(given) if float(given) == given or given != given else given
+    except OverflowError:
+        raise ValueError(f"{_shown(given)} is too large") from None
+
+
+def _list(given: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+    if not isinstance(given, list):
+        raise ValueError(f"{_shown(given)} is no list")
+    if count is not None and len(given) != count:
+        raise ValueError(f"there are {len(given)} numbers where {count} belong")
+    return tuple(read(each) for each in given)
+
+
+def _bytes(given: object) -> object:
+    return bytes(_whole(each, 0, 255) for each in _list(given, lambda each: each))
+
+
+def _finite(content: object) -> object:
+    """Return a number as JSON can write it: what is not finite as text, which RoboComp reads as the number."""
+    return repr(content) if isinstance(content, float) and not math.isfinite(content) else content
+
+
+_uint64 = partial(_whole, low=0, high=2**64 - 1)
+
+_READERS: Mapping[int, Callable[[object], object]] = {
+    ValueCode.TEXT: _text,
+    ValueCode.INT32: partial(_whole, low=-(2**31), high=2**31 - 1),
+    ValueCode.FLOAT: _real,
+    ValueCode.FLOATS: partial(_list, read=_real),
+    ValueCode.BOOL: _bool,
+    ValueCode.BYTES: _bytes,
+    ValueCode.UINT32: _uint32,
+    ValueCode.UINT64: _uint64,
+    ValueCode.DOUBLE: _real,
+    ValueCode.UINT64S: partial(_list, read=_uint64),
+    ValueCode.FLOATS_2: partial(_list, read=_real, count=2),
+    ValueCode.FLOATS_3: partial(_list, read=_real, count=3),
+    ValueCode.FLOATS_4: partial(_list, read=_real, count=4),
+    ValueCode.FLOATS_6: partial(_list, read=_real, count=6),
+}
+
+
+def _shown(given: object) -> str:
+    if isinstance(given, (list, tuple)):
+        return "a list"
+    if given is None or isinstance(given, bool):
+        return {None: "null", True: "true", False: "false"}[given]
+    return "an object" if isinstance(given, dict) else f"{given!r:.60}"
+
+
+def _no_node(name: str) -> DsrNode:
+    raise KeyError(f"there is no node {name!r}")
