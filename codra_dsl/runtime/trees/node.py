@@ -133,7 +133,7 @@ class Kind(ABC):
     def tick(self, node: Node) -> Result:
         """Tick children as it sees fit and return what the node comes to: anything but IDLE."""
 
-    def halt(self, node: Node) -> None:
+    def halt(self, node: Node) -> None:  # noqa: B027 - most kinds have nothing to forget
         """Forget what a running node remembers; its children are halted after that."""
 
     def bind(self, node: Node, surroundings: Surroundings) -> Surroundings:  # noqa: ARG002
@@ -275,6 +275,10 @@ class Node(Behaviour):
         visited.clear()
         self.execute()
         yield from tuple(visited)
+
+    def update(self) -> Status:
+        """Tick it once, for who asks a single behaviour."""
+        return self.execute().status
 
     def stop(self, new_status: Status) -> None:
         """Halt it: py_trees calls this when a tree is interrupted."""
