@@ -107,6 +107,11 @@ def spread_list(items: Iterable[Expression]) -> Brackets:
     return Brackets("[", tuple(items), "]", None)
 
 
+def spread_dictionary(items: Mapping[str, Expression]) -> Brackets:
+    """Return a dictionary with one item a line; keys are literals."""
+    return Brackets("{", tuple(_named(items, ": ")), "}", None if items else "{}")
+
+
 def dictionary(items: Mapping[str, Expression]) -> Expression:
     """Return a dictionary; keys are literals."""
     return _short("{", tuple(_named(items, ": ")), "}")

@@ -1,0 +1,32 @@
+"""What a port is given: a text, or an entry in braces."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_KEY = re.compile(r"@?[A-Za-z_][A-Za-z0-9_.]*")
+_SAME = ("{=}", "=")
+
+
+@dataclass(frozen=True, slots=True)
+class EntryKey:
+    """`{key}`."""
+
+    key: str
+
+
+def is_key(text: str) -> bool:
+    """Return whether a text can name an entry."""
+    return _KEY.fullmatch(text) is not None
+
+
+def given(port: str, value: str) -> EntryKey | str | None:
+    """Return the entry that a port is given, its text, or None where braces hold no name; `{=}` is the port's name."""
+    inside = value.strip(" ")
+    if inside in _SAME:
+        return EntryKey(port)
+    if not inside.startswith("{") and not inside.endswith("}"):
+        return value
+    key = inside[1:-1]
+    return EntryKey(key) if inside.startswith("{") and inside.endswith("}") and is_key(key) else None
