@@ -38,7 +38,6 @@ def main() -> None:
     values = {}
     for path in sorted(FOLDER.glob("*.fll")):
         values[path.stem] = answers(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
-        print(path.stem, values[path.stem].shape, flush=True)
     np.savez_compressed(FOLDER / "values.npz", **values)
 
 
