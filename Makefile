@@ -6,6 +6,9 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 RAFCON := .venv-rafcon
 RAFCON_READY := $(RAFCON)/.ready
+FUZZYLITE := .venv-fuzzylite
+FUZZYLITE_READY := $(FUZZYLITE)/.ready
+FUZZYLITE_PINS := benchmarks/fuzzylite-requirements.txt
 RAFCON_PINS := codra_dsl/bridges/rafcon/requirements.txt
 
 # Python itself, and the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along.
@@ -73,14 +76,14 @@ crowd: $(READY)
 	$(BIN)/python -m tests.crowd 10000 1 2 3
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
-bench: $(READY)
+bench: $(READY) $(FUZZYLITE_READY)
 	$(BIN)/python benchmarks/bench.py
 
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --no-isolation
 
 clean:
-	rm -rf $(VENV) $(RAFCON) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml | prerequisites
@@ -95,6 +98,13 @@ $(RAFCON_READY): $(RAFCON_PINS) $(READY)
 	    { echo 'RAFCON is not installed: pip reached no package registry that has it' >&2; exit 1; }
 	$(BIN)/python -c "import sysconfig; print('import site; site.addsitedir(%r)' % sysconfig.get_path('purelib'))" \
 	    >"$$($(RAFCON)/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/codra.pth"
+	touch $@
+
+# The peer of a benchmark, whose numpy is too old for all others.
+$(FUZZYLITE_READY): $(FUZZYLITE_PINS) | prerequisites
+	$(PYTHON) -m venv --clear $(FUZZYLITE)
+	$(FUZZYLITE)/bin/python -m pip install --quiet --requirement $(FUZZYLITE_PINS) || \
+	    { echo 'FuzzyLite is not installed: pip reached no package registry that has it' >&2; exit 1; }
 	touch $@
 
 prerequisites:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import compiling
+import fuzzy
 import isolation
 import knowledge
 import running
@@ -19,6 +20,7 @@ from rows import Row
 
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "compiling": compiling.rows,
+    "fuzzy": fuzzy.rows,
     "isolation": isolation.rows,
     "knowledge": knowledge.rows,
     **running.GROUPS,

@@ -1,0 +1,160 @@
+"""The text of a rule: tokens to tree, against the variables and terms that the engine has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from codra_dsl.fuzzy.model import And, Antecedent, Or, Proposition, Rule
+from codra_dsl.fuzzy.source import Findings, Word, number, shown, split
+from codra_dsl.fuzzy.words import KEYWORDS, Hedge
+
+MAX_DEPTH = 40
+"""How deep an antecedent may be nested; `and` and `or` in a row nest too."""
+
+_TOKEN = r"[()]|[^\s()]+"
+_HEDGES = frozenset(Hedge)
+
+Names = Mapping[str, frozenset[str]]
+"""The terms of each variable."""
+
+
+class _Wrong(Exception):  # noqa: N818 - it never leaves this module
+    """The rest of a rule has no meaning; the finding is made."""
+
+
+class Side(Enum):
+    """The two sides of `then`."""
+
+    ANTECEDENT = auto()
+    CONSEQUENT = auto()
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Reads the tokens of a rule from left to right."""
+
+    tokens: list[Word]
+    end: Word
+    all_terms: Names
+    outputs: Names
+    findings: Findings
+    at: int = 0
+    depth: int = 0
+
+    def peek(self) -> str:
+        """Return the next token, or an empty text at the end."""
+        return self.tokens[self.at].text if self.at < len(self.tokens) else ""
+
+    def take(self) -> Word:
+        """Return the next token and go on."""
+        if self.at == len(self.tokens):
+            self.fail("the rule ends too early", self.end, "write 'if VARIABLE is TERM then VARIABLE is TERM'")
+        self.at += 1
+        return self.tokens[self.at - 1]
+
+    def fail(self, message: str, word: Word, help: str) -> None:
+        """Report a finding and give up on the rule."""
+        self.findings.add("fll-wrong-rule", message, word.place, help)
+        raise _Wrong
+
+    def expect(self, keyword: str) -> None:
+        """Take a keyword."""
+        word = self.take()
+        if word.text != keyword:
+            self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
+
+    def either(self) -> Antecedent:
+        """Read what is joined by `or`."""
+        left, depth = self.both(), 0
+        while self.peek() == "or":
+            word, depth = self.take(), depth + 1
+            self.limit(depth, word)
+            left = Or(left, self.both())
+        return left
+
+    def both(self) -> Antecedent:
+        """Read what is joined by `and`."""
+        left, depth = self.atom(), 0
+        while self.peek() == "and":
+            word, depth = self.take(), depth + 1
+            self.limit(depth, word)
+            left = And(left, self.atom())
+        return left
+
+    def limit(self, depth: int, word: Word) -> None:
+        """Refuse what is nested too deep."""
+        if self.depth + depth > MAX_DEPTH:
+            self.findings.add("fll-too-large", f"nested deeper than {MAX_DEPTH}", word.place, "split the rule")
+            raise _Wrong
+
+    def atom(self) -> Antecedent:
+        """Read a proposition, or anything in parentheses."""
+        if self.peek() != "(":
+            return self.proposition(Side.ANTECEDENT)
+        self.depth += 1
+        self.limit(0, self.take())
+        inside = self.either()
+        self.expect(")")
+        self.depth -= 1
+        return inside
+
+    def proposition(self, side: Side) -> Proposition:
+        """Read `variable is hedges term`."""
+        variable = self.take()
+        variables = self.all_terms if side is Side.ANTECEDENT else self.outputs
+        if variable.text in KEYWORDS or variable.text in "()":
+            self.fail(f"expected a variable, found {shown(variable.text)}", variable, "write a variable before it")
+        if variable.text not in variables:
+            what = "variable" if side is Side.ANTECEDENT else "output"
+            self.findings.unknown("fll-unknown-name", what, variable, variables)
+        self.expect("is")
+        hedges: list[Hedge] = []
+        while self.peek() in _HEDGES:
+            hedges.append(Hedge(self.take().text))
+            if side is Side.ANTECEDENT and hedges[-1] is Hedge.ANY:
+                return Proposition(variable=variable.text, hedges=tuple(hedges))
+        term = self.take()
+        if term.text in KEYWORDS or term.text in "()":
+            self.fail(f"expected a term, found {shown(term.text)}", term, "write a term before it")
+        terms = variables.get(variable.text)
+        if terms is not None and term.text not in terms:
+            self.findings.unknown("fll-unknown-name", f"term of '{variable.text}'", term, terms | _HEDGES)
+        return Proposition(variable=variable.text, term=term.text, hedges=tuple(hedges))
+
+    def conclusions(self) -> tuple[Proposition, ...]:
+        """Read what follows `then`."""
+        found = [self.proposition(Side.CONSEQUENT)]
+        while self.peek() == "and":
+            self.take()
+            found.append(self.proposition(Side.CONSEQUENT))
+        return tuple(found)
+
+    def weight(self) -> float:
+        """Read `with` and a number, if they are there, up to the end."""
+        weight = 1.0
+        if self.peek() == "with":
+            self.take()
+            word = self.take()
+            found = number(word, self.findings)
+            if found is not None and not 0.0 <= found < float("inf"):
+                help = "write a weight of 0 or more"
+                self.findings.add("fll-wrong-value", f"{shown(word.text)} is no weight", word.place, help)
+            weight = found or 0.0
+        if self.peek():
+            word = self.take()
+            self.fail(f"unexpected {shown(word.text)}", word, "end the rule before it")
+        return weight
+
+
+def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
+    """Return a rule, or None after a finding that leaves no rule; unknown names are reported and kept."""
+    reader = _Reader(list(split(text, _TOKEN)), text, all_terms, outputs, findings)
+    try:
+        reader.expect("if")
+        antecedent = reader.either()
+        reader.expect("then")
+        return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
+    except _Wrong:
+        return None

@@ -1,0 +1,1 @@
+"""MAPE-K at run time: what analyses knowledge and plans by it."""

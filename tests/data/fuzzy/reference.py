@@ -1,0 +1,45 @@
+"""Writes values.npz: what FuzzyLite makes of each engine here, for each row of `samples`.
+
+It runs in an environment of its own, since pyfuzzylite is GPL and needs an old numpy; we only keep its answers:
+
+    python -m venv /tmp/fuzzylite && /tmp/fuzzylite/bin/pip install pyfuzzylite==8.0.6
+    /tmp/fuzzylite/bin/python tests/data/fuzzy/reference.py
+
+Values are stored in single precision, which is right to 6e-8 of a value, and infinite or NaN as they are.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import fuzzylite
+import numpy as np
+import samples
+
+FOLDER = Path(__file__).parent
+
+
+def answers(engine: fuzzylite.Engine) -> np.ndarray:
+    """Ask an engine with row after row, one at a time; what it keeps of the row before counts."""
+    ranges = [(float(each.minimum), float(each.maximum)) for each in engine.input_variables]
+    found = []
+    for row in samples.rows(engine.name, ranges):
+        for variable, value in zip(engine.input_variables, row, strict=True):
+            variable.value = value
+        engine.process()
+        found.append([float(np.asarray(each.value).ravel()[0]) for each in engine.output_variables])
+    return np.array(found)
+
+
+def main() -> None:
+    """Ask every engine."""
+    warnings.simplefilter("ignore")
+    values = {}
+    for path in sorted(FOLDER.glob("*.fll")):
+        values[path.stem] = answers(fuzzylite.FllImporter().from_file(path)).astype(np.float32)
+    np.savez_compressed(FOLDER / "values.npz", **values)
+
+
+if __name__ == "__main__":
+    main()
