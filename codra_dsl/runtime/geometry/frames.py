@@ -69,11 +69,19 @@ class Frames:
 
         Raises:
             FrameError: if the parent stands in the child at that time, directly or through others.
-            ValueError: if the stamp is not finite.
+            ValueError: if the stamp is not finite, or the pose is no rigid motion.
         """
         _check_instant(stamp_s)
-        tracks, track = self._tracks, self._tracks.get(child) or Track()
-        if child == parent or self._stands_in(parent, child, *track.reach(stamp_s)):
+        if not isinstance(pose, Pose):
+            raise ValueError(f"{child!r} stands at a Pose, not at a {type(pose).__name__}")
+        pose = pose.checked()
+        tracks, known = self._tracks, self._tracks.get(child)
+        track = known or Track()
+        goes_on = len(track) and track.parent == parent and stamp_s >= track.newest_s
+        # In a frame that is new nothing stands, and one that moves on in its parent stood there until now.
+        if child == parent or (
+            known is not None and not goes_on and self._stands_in(parent, child, *track.reach(stamp_s))
+        ):
             raise FrameError(f"{child!r} cannot stand in {parent!r} from {stamp_s:g} s on: that stands in it")
         if parent not in tracks:
             tracks = tracks.with_entry(parent, Track())
@@ -129,6 +137,7 @@ class Frames:
 
         Raises:
             FrameError: if a frame is unknown, or the two were not connected then.
+            ValueError: if the instant is NaN.
         """
         return self._answer(target, source, instant_s)[0]
 
@@ -165,6 +174,8 @@ class Frames:
         return made
 
     def _computed(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
+        if instant_s != instant_s:
+            raise ValueError("a pose is asked for at an instant, not at NaN")
         ups, downs = self._climb(source, instant_s), self._climb(target, instant_s)
         common = next((name for name in ups if name in downs), None)
         if common is None:
@@ -203,11 +214,15 @@ class Frames:
 
     def _stands_in(self, name: str, outer: str, start_s: float, end_s: float) -> bool:
         """Return whether a frame stands in another at some instant from one until before another."""
-        track = self._tracks.get(name)
-        return track is not None and any(
-            parent == outer or self._stands_in(parent, outer, from_s, until_s)
-            for from_s, until_s, parent in track.spans(start_s, end_s)
-        )
+        waiting = [(start_s, end_s, name)]
+        while waiting:
+            from_s, until_s, inner = waiting.pop()
+            if inner == outer:
+                return True
+            track = self._tracks.get(inner)
+            if track is not None:
+                waiting.extend(track.spans(from_s, until_s))
+        return False
 
 
 _CERTAIN = (Outcome.EXACT, 0.0, "")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -21,6 +22,9 @@ _NEARLY_PARALLEL = 1.0 - 1e-9
 
 _SMALLEST_NORM = 1e-9
 _ORTHONORMAL = 1e-6
+
+_UNIT = 1e-12
+"""How far the square of a unit quaternion's norm may be from 1: products of many are that far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,25 @@ class Pose:
         x, y, z = _finite(translation_m, 3, "a translation")
         w, i, j, k = _finite(rotation, 4, "a quaternion")
         return cls((x, y, z), _unit((w, i, j, k)))
+
+    def checked(self) -> Pose:
+        """Return this pose, if it is a rigid motion in numbers that stay; else what `of` makes of it.
+
+        Raises:
+            ValueError: if it is none, as `of` does.
+        """
+        moved, turned = self.translation_m, self.rotation
+        if type(moved) is tuple is type(turned) and len(moved) == 3 and len(turned) == 4:
+            (x, y, z), (w, i, j, k) = moved, turned
+            try:
+                is_unit = (
+                    abs(w * w + i * i + j * j + k * k - 1.0) < _UNIT and isfinite(x) and isfinite(y) and isfinite(z)
+                )
+            except (TypeError, OverflowError):
+                is_unit = False
+            if is_unit:
+                return self
+        return Pose.of(moved, turned)
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
@@ -175,8 +198,11 @@ def _unit(quaternion: Quaternion) -> Quaternion:
 
 
 def _finite(numbers: Sequence[float], count: int, what: str) -> list[float]:
-    found = [float(each) for each in numbers]
-    if len(found) != count or not all(map(math.isfinite, found)):
+    try:
+        found = [float(each) for each in numbers]
+    except (TypeError, ValueError, OverflowError):
+        found = []
+    if len(found) != count or not all(map(isfinite, found)):
         raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
     return found
 
