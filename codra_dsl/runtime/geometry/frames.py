@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Standing, Track
-from codra_dsl.runtime.geometry.pose import IDENTITY, Pose
+from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, chained
 from codra_dsl.runtime.persistent import PersistentMap
 
 MOST_KEPT = 4096
@@ -185,15 +185,16 @@ class Frames:
             )
         up, down = _below(common, ups), _below(common, downs)
         inner, outer = _chained(up), _chained(down)
-        worst = max(((each.outcome, each.gap_s, name) for name, each in (*up, *down)), default=_CERTAIN)
+        parts = (*up, *down)
+        worst = max([(each.outcome, each.gap_s, name) for name, each in parts], default=_CERTAIN)
         transform = Transform(
             pose=outer.inverse() @ inner if down else inner,
             outcome=worst[0],
-            gap_s=max((each.gap_s for _, each in (*up, *down)), default=0.0),
+            gap_s=max([each.gap_s for _, each in parts], default=0.0),
             weakest=worst[2] if worst[0] else "",
         )
         # What the common frame itself stands in plays no part.
-        return transform, tuple((name, self._tracks[name]) for name, _ in (*up, *down))
+        return transform, tuple([(name, self._tracks[name]) for name, _ in parts])
 
     def _climb(self, name: str, instant_s: float) -> dict[str, Standing | None]:
         """Return a frame, its parent at an instant, and so on to the root, each with where it stands."""
@@ -242,10 +243,7 @@ def _chained(standings: list[tuple[str, Standing]]) -> Pose:
     """Return where the first frame stands in the parent of the last."""
     if not standings:
         return IDENTITY
-    pose = standings[0][1].pose
-    for _, standing in standings[1:]:
-        pose = standing.pose @ pose
-    return pose
+    return chained([standing.pose for _, standing in standings])
 
 
 def _check_instant(stamp_s: float) -> None:
