@@ -61,7 +61,7 @@ def _graph_rows() -> Iterator[Row]:
     def insert_theirs() -> None:
         theirs.add_node(spark_dsg.DsgLayers.OBJECTS, _id(next(their_numbers)), spark_dsg.ObjectNodeAttributes())
 
-    yield _row("knowledge_insert_node", insert, insert_theirs, calls=NODES, target=2.0)
+    yield _row("knowledge_insert_node", insert, insert_theirs, calls=NODES, target=1.0)
 
     pairs, their_pairs = (itertools.combinations(range(NODES), 2) for _ in range(2))
 
@@ -73,7 +73,7 @@ def _graph_rows() -> Iterator[Row]:
         origin, target = next(their_pairs)
         theirs.insert_edge(_id(origin), _id(target))
 
-    yield _row("knowledge_insert_edge", connect, connect_theirs, calls=EDGES, target=4.0)
+    yield _row("knowledge_insert_edge", connect, connect_theirs, calls=EDGES, target=1.0)
 
     levels = itertools.count()
 
@@ -83,7 +83,7 @@ def _graph_rows() -> Iterator[Row]:
     def write_theirs() -> None:
         theirs.get_node(_id(7)).attributes.semantic_label = next(levels)
 
-    yield _row("knowledge_write", write, write_theirs, calls=READS, target=4.0)
+    yield _row("knowledge_write", write, write_theirs, calls=READS, target=1.0)
 
     def read_theirs() -> object:
         return theirs.get_node(_id(7)).attributes.semantic_label

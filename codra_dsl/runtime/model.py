@@ -97,7 +97,7 @@ def _plain(given: object) -> object:
 def _text(plain: str) -> str:
     if len(plain) > MAX_TEXT:
         raise NotOfTypeError(f"a text of {len(plain)} characters is too long: {MAX_TEXT} are enough for a decision")
-    if any("\ud800" <= character <= "\udfff" for character in plain):
+    if not plain.isascii() and any("\ud800" <= character <= "\udfff" for character in plain):
         raise NotOfTypeError("a text with half a character (a lone surrogate) is no str that can be written down")
     return str.__str__(plain)  # a member of a StrEnum becomes the text that it is
 

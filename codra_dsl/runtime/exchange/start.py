@@ -96,6 +96,7 @@ class _Taking:
         self._unit_m = unit_m
         self.nodes = {node.name: node for node in model.nodes}
         self.edges = {(edge.origin, self._words.edge_type(edge.type).label, edge.target): edge for edge in model.edges}
+        self._above = {target: origin for origin, label, target in self.edges if label == RT}
         self.foreign: list[Foreign] = []
         self.taken: set[Subject] = set()
 
@@ -139,7 +140,10 @@ class _Taking:
             self._values(kind.attributes, key, f"{origin} -{edge.label}-> {target}", edge.attributes, understood)
         )
         made = EdgeModel(origin=origin, type=kind.model.name, target=target, values=values)
-        self.edges[key] = replace(made, pose=self._pose(edge) or made.pose) if edge.label == RT else made
+        pose = self._pose(edge) if kind.model.motion is not None else None
+        if pose is not None:
+            self._above[target] = origin
+        self.edges[key] = made if pose is None else replace(made, pose=pose)
 
     def _why_not(self, node: DsrNode) -> str:
         begun = self.nodes.get(node.name)
@@ -197,14 +201,13 @@ class _Taking:
             return ""
         if self._pose(edge) is None:
             return "it has no pose: three numbers each as rt_translation and rt_rotation_euler_xyz"
-        above: dict[str, str] = {each[2]: each[0] for each in self.edges if each[1] == RT and each[2] != target}
         at: str | None = origin
         while at is not None:
             if at == target:
                 return f"{target!r} would stand in itself"
-            at = above.get(at)
-        other = next((each for each in self.edges if each[1] == RT and each[2] == target and each[0] != origin), None)
-        return "" if other is None else f"{target!r} stands in {other[0]!r} already"
+            at = self._above.get(at)
+        other = self._above.get(target, origin)
+        return "" if other == origin else f"{target!r} stands in {other!r} already"
 
     def _pose(self, edge: DsrEdge) -> Pose | None:
         return pose_of(edge.attributes, self._unit_m)

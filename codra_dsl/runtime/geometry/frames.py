@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from codra_dsl.runtime.geometry.motion import ANY_MOTION, Motion, Outcome, Standing, Track
-from codra_dsl.runtime.geometry.pose import IDENTITY, Pose
+from codra_dsl.runtime.geometry.pose import IDENTITY, Pose, chained
 from codra_dsl.runtime.persistent import PersistentMap
 
 MOST_KEPT = 4096
@@ -69,11 +69,19 @@ class Frames:
 
         Raises:
             FrameError: if the parent stands in the child at that time, directly or through others.
-            ValueError: if the stamp is not finite.
+            ValueError: if the stamp is not finite, or the pose is no rigid motion.
         """
         _check_instant(stamp_s)
-        tracks, track = self._tracks, self._tracks.get(child) or Track()
-        if child == parent or self._stands_in(parent, child, *track.reach(stamp_s)):
+        if not isinstance(pose, Pose):
+            raise ValueError(f"{child!r} stands at a Pose, not at a {type(pose).__name__}")
+        pose = pose.checked()
+        tracks, known = self._tracks, self._tracks.get(child)
+        track = known or Track()
+        goes_on = len(track) and track.parent == parent and stamp_s >= track.newest_s
+        # In a frame that is new nothing stands, and one that moves on in its parent stood there until now.
+        if child == parent or (
+            known is not None and not goes_on and self._stands_in(parent, child, *track.reach(stamp_s))
+        ):
             raise FrameError(f"{child!r} cannot stand in {parent!r} from {stamp_s:g} s on: that stands in it")
         if parent not in tracks:
             tracks = tracks.with_entry(parent, Track())
@@ -129,6 +137,7 @@ class Frames:
 
         Raises:
             FrameError: if a frame is unknown, or the two were not connected then.
+            ValueError: if the instant is NaN.
         """
         return self._answer(target, source, instant_s)[0]
 
@@ -165,6 +174,8 @@ class Frames:
         return made
 
     def _computed(self, target: str, source: str, instant_s: float) -> tuple[Transform, tuple[tuple[str, Track], ...]]:
+        if instant_s != instant_s:
+            raise ValueError("a pose is asked for at an instant, not at NaN")
         ups, downs = self._climb(source, instant_s), self._climb(target, instant_s)
         common = next((name for name in ups if name in downs), None)
         if common is None:
@@ -174,15 +185,16 @@ class Frames:
             )
         up, down = _below(common, ups), _below(common, downs)
         inner, outer = _chained(up), _chained(down)
-        worst = max(((each.outcome, each.gap_s, name) for name, each in (*up, *down)), default=_CERTAIN)
+        parts = (*up, *down)
+        worst = max([(each.outcome, each.gap_s, name) for name, each in parts], default=_CERTAIN)
         transform = Transform(
             pose=outer.inverse() @ inner if down else inner,
             outcome=worst[0],
-            gap_s=max((each.gap_s for _, each in (*up, *down)), default=0.0),
+            gap_s=max([each.gap_s for _, each in parts], default=0.0),
             weakest=worst[2] if worst[0] else "",
         )
         # What the common frame itself stands in plays no part.
-        return transform, tuple((name, self._tracks[name]) for name, _ in (*up, *down))
+        return transform, tuple([(name, self._tracks[name]) for name, _ in parts])
 
     def _climb(self, name: str, instant_s: float) -> dict[str, Standing | None]:
         """Return a frame, its parent at an instant, and so on to the root, each with where it stands."""
@@ -203,11 +215,15 @@ class Frames:
 
     def _stands_in(self, name: str, outer: str, start_s: float, end_s: float) -> bool:
         """Return whether a frame stands in another at some instant from one until before another."""
-        track = self._tracks.get(name)
-        return track is not None and any(
-            parent == outer or self._stands_in(parent, outer, from_s, until_s)
-            for from_s, until_s, parent in track.spans(start_s, end_s)
-        )
+        waiting = [(start_s, end_s, name)]
+        while waiting:
+            from_s, until_s, inner = waiting.pop()
+            if inner == outer:
+                return True
+            track = self._tracks.get(inner)
+            if track is not None:
+                waiting.extend(track.spans(from_s, until_s))
+        return False
 
 
 _CERTAIN = (Outcome.EXACT, 0.0, "")
@@ -227,10 +243,7 @@ def _chained(standings: list[tuple[str, Standing]]) -> Pose:
     """Return where the first frame stands in the parent of the last."""
     if not standings:
         return IDENTITY
-    pose = standings[0][1].pose
-    for _, standing in standings[1:]:
-        pose = standing.pose @ pose
-    return pose
+    return chained([standing.pose for _, standing in standings])
 
 
 def _check_instant(stamp_s: float) -> None:

@@ -7,6 +7,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 from codra_dsl.runtime.geometry.pose import Pose
 
@@ -44,8 +45,7 @@ _MOST_DROPPED = 64
 """Poses in front of the history that lists hold at least until they are copied without them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Standing:
+class Standing(NamedTuple):
     """Where a frame stands at an instant.
 
     Attributes:
@@ -153,10 +153,8 @@ class Track:
 
     def _goes_on(self, position: int) -> bool:
         """Return whether the frame moves from one pose to the next, in one parent and in one way."""
-        return (
-            self._parents[position + 1] == self._parents[position]
-            and self._motions[position + 1] == self._motions[position]
-        )
+        motion, after = self._motions[position], self._motions[position + 1]
+        return self._parents[position + 1] == self._parents[position] and (after is motion or after == motion)
 
     def _between(self, last: int, gap_s: float) -> Standing:
         span_s = self._stamps_s[last + 1] - self._stamps_s[last]

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
+from typing import Any
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -21,6 +23,9 @@ _NEARLY_PARALLEL = 1.0 - 1e-9
 
 _SMALLEST_NORM = 1e-9
 _ORTHONORMAL = 1e-6
+
+_UNIT = 1e-12
+"""How far the square of a unit quaternion's norm may be from 1: products of many are that far."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +50,25 @@ class Pose:
         x, y, z = _finite(translation_m, 3, "a translation")
         w, i, j, k = _finite(rotation, 4, "a quaternion")
         return cls((x, y, z), _unit((w, i, j, k)))
+
+    def checked(self) -> Pose:
+        """Return this pose, if it is a rigid motion in numbers that stay; else what `of` makes of it.
+
+        Raises:
+            ValueError: if it is none, as `of` does.
+        """
+        moved, turned = self.translation_m, self.rotation
+        if type(moved) is tuple is type(turned) and len(moved) == 3 and len(turned) == 4:
+            (x, y, z), (w, i, j, k) = moved, turned
+            try:
+                is_unit = (
+                    abs(w * w + i * i + j * j + k * k - 1.0) < _UNIT and isfinite(x) and isfinite(y) and isfinite(z)
+                )
+            except (TypeError, OverflowError):
+                is_unit = False
+            if is_unit:
+                return self
+        return Pose.of(moved, turned)
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
@@ -87,14 +111,14 @@ class Pose:
         """Return where what stands at `inner` in this frame stands outside of it."""
         ix, iy, iz = _turned(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
-        return Pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
+        return _pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
 
     def inverse(self) -> Pose:
         """Return where the outer frame stands in the inner one."""
         w, x, y, z = self.rotation
         back = (w, -x, -y, -z)
         tx, ty, tz = _turned(back, self.translation_m)
-        return Pose((-tx, -ty, -tz), back)
+        return _pose((-tx, -ty, -tz), back)
 
     def apply(self, point_m: Vector) -> Vector:
         """Return in the outer frame a point that is given in the inner one."""
@@ -111,7 +135,7 @@ class Pose:
         """
         a, b = self.translation_m, other.translation_m
         moved = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
-        return Pose(moved, _slerp(self.rotation, other.rotation, share))
+        return _pose(moved, _slerp(self.rotation, other.rotation, share))
 
     def distance_m(self, other: Pose) -> float:
         """Return how far apart two origins are."""
@@ -124,6 +148,33 @@ class Pose:
 
 
 IDENTITY = Pose()
+
+
+@dataclass(slots=True)
+class _Draft:
+    """The fields of a pose, in the same order, before it is frozen."""
+
+    translation_m: Vector
+    rotation: Quaternion
+
+
+def _pose(translation_m: Vector, rotation: Quaternion) -> Pose:
+    """Return a pose, in half of the time: a frozen class sets each of its fields by a call."""
+    made: Any = _Draft(translation_m, rotation)
+    made.__class__ = Pose
+    frozen: Pose = made
+    return frozen
+
+
+def chained(poses: Sequence[Pose]) -> Pose:
+    """Return where the first frame stands in the last, of one or more poses, each in the frame of the next."""
+    (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
+    for pose in poses[1:]:
+        by, (tx, ty, tz) = pose.rotation, pose.translation_m
+        x, y, z = _turned(by, (x, y, z))
+        x, y, z = tx + x, ty + y, tz + z
+        rotation = _product(by, rotation)
+    return _pose((x, y, z), rotation)
 
 
 def _product(a: Quaternion, b: Quaternion) -> Quaternion:
@@ -146,7 +197,9 @@ def _turned(by: Quaternion, v: Vector) -> Vector:
 
 
 def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    cosine = aw * bw + ax * bx + ay * by + az * bz
     sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one on the shorter way
     cosine = abs(cosine)
     if cosine > _NEARLY_PARALLEL:
@@ -156,14 +209,7 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
         sine = math.sin(angle_rad)
         of_a, of_b = math.sin((1.0 - share) * angle_rad) / sine, math.sin(share * angle_rad) / sine
     of_b *= sign
-    return _unit(
-        (
-            of_a * a[0] + of_b * b[0],
-            of_a * a[1] + of_b * b[1],
-            of_a * a[2] + of_b * b[2],
-            of_a * a[3] + of_b * b[3],
-        )
-    )
+    return _unit((of_a * aw + of_b * bw, of_a * ax + of_b * bx, of_a * ay + of_b * by, of_a * az + of_b * bz))
 
 
 def _unit(quaternion: Quaternion) -> Quaternion:
@@ -175,8 +221,11 @@ def _unit(quaternion: Quaternion) -> Quaternion:
 
 
 def _finite(numbers: Sequence[float], count: int, what: str) -> list[float]:
-    found = [float(each) for each in numbers]
-    if len(found) != count or not all(map(math.isfinite, found)):
+    try:
+        found = [float(each) for each in numbers]
+    except (TypeError, ValueError, OverflowError):
+        found = []
+    if len(found) != count or not all(map(isfinite, found)):
         raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
     return found
 

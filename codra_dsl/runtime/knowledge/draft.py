@@ -12,8 +12,11 @@ from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
 from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, NO_LINKS, Edge, EdgeKey, History, Links, Node
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
-from codra_dsl.runtime.model import NotOfTypeError
+from codra_dsl.runtime.model import NotOfTypeError, text
 from codra_dsl.runtime.persistent import PersistentMap
+
+_NAME = text()
+"""What a name must be so that it can be written down."""
 
 _GONE_S = 10.0
 """How long the poses of a deleted node are told, if its edge did not declare how far back they are."""
@@ -106,6 +109,7 @@ class Draft:
         node_type.rights.check(self.agent, "nodes of type ", type_name)
         if not isinstance(name, str) or not name:
             raise ValueError(f"a node has a name, not {name!r}")
+        _NAME.convert(name)
         if name in self._nodes:
             raise PresentError(f"there is a node {name!r} already")
         number = self._next_number

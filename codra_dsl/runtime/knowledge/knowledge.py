@@ -163,7 +163,10 @@ class Knowledge:
         base = self._state
         draft = Draft(self._words, base, self._now_s(), name)
         transaction = Transaction(self._words, lambda change: self._audited(draft, change))
-        yield transaction
+        try:
+            yield transaction
+        finally:
+            transaction.end()
         transaction.check()
         if draft.touched:
             commit(lambda present: present.take(draft) if present.is_of(base) else transaction.again(present))

@@ -93,7 +93,7 @@ class Writer(ABC):
 
         Raises:
             FrameError: if the origin stands in the target at that time.
-            ValueError: if the stamp lies in the future, or the type of edges has no motion.
+            ValueError: if the stamp lies in the future, the pose is no rigid motion, or the type of edges has none.
         """
         self._apply(lambda draft: draft.place(origin, type, target, pose, stamp_s))
 
@@ -139,7 +139,7 @@ class Transaction(Writer):
     far. If the graph has changed by the end, it is all done again on what is there then.
     """
 
-    __slots__ = ("_attempt", "_changes", "_error")
+    __slots__ = ("_attempt", "_changes", "_error", "_is_over")
 
     def __init__(self, words: Words, attempt: Apply) -> None:
         """Begin with no change.
@@ -152,8 +152,11 @@ class Transaction(Writer):
         self._attempt = attempt
         self._changes: list[tuple[Callable[[Draft], Any], Any]] = []
         self._error: BaseException | None = None
+        self._is_over = False
 
     def _apply(self, change: Callable[[Draft], ResultT]) -> ResultT:
+        if self._is_over:
+            raise PermissionError("this transaction is over: begin another")
         try:
             result: ResultT = self._attempt(change)
         except BaseException as error:
@@ -161,6 +164,10 @@ class Transaction(Writer):
             raise
         self._changes.append((change, result))
         return result
+
+    def end(self) -> None:
+        """Take no more changes."""
+        self._is_over = True
 
     def check(self) -> None:
         """Raise what a change raised, though the program may have caught it: then nothing becomes visible."""

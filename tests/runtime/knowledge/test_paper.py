@@ -37,8 +37,45 @@ def test_figure_1_holds_symbols_and_geometry_in_one_structure() -> None:
     assert seen.holds(path("robot", "has", some("battery", called="battery")), value("battery.level") > 50.0)
 
 
+TURNED = Pose.about((0.0, 0.0, 1.0), 0.5 + np.pi, ROBOT.translation_m)
+WHEELS = Pose.about((0.0, 0.0, 1.0), -0.2, (3.05, 1.48, 0.0))
+"""Where the wheels tell that the container is, once the robot has turned round."""
+
+LIFTED = Pose.of((-0.6, 0.0, 0.1))
+
+STEPS: dict[str, dict[str, str]] = {
+    "t": {"navigating": "finished", "detecting": "is"},
+    "t+1": {"navigating": "is", "detecting": "finished"},
+    "t+2": {"navigating": "finished", "detecting": "is"},
+    "t+3": {"navigating": "finished", "detecting": "finished", "picking_up": "is", "rotating": "is"},
+    "t+4": {"navigating": "finished", "detecting": "is", "picking_up": "is", "rotating": "finished"},
+    "t+5": {
+        "navigating": "is",
+        "detecting": "finished",
+        "picking_up": "is",
+        "rotating": "finished",
+        "approaching": "is",
+    },
+    "t+6": {
+        "navigating": "finished",
+        "detecting": "finished",
+        "picking_up": "is",
+        "rotating": "finished",
+        "approaching": "finished",
+        "lifting": "is",
+    },
+    "t+7": dict.fromkeys(("navigating", "detecting", "picking_up", "rotating", "approaching", "lifting"), "finished"),
+}
+"""The tasks on which the robot's edges lie at each step, as section 3.2 and Figure 2 tell them."""
+
+
+def tasks(seen: Snapshot) -> dict[str, str]:
+    """Return how far each task is that was asked for, by the edges of a graph."""
+    return {edge.target: edge.label for edge in seen.edges(origin="robot") if edge.type in set(Stage)}
+
+
 class Trial:
-    """The agents of section 3.2, each with the handle of its own name."""
+    """The agents of section 3.2, each with the handle of its own name, and the graph of each step."""
 
     def __init__(self) -> None:
         self.clock = SimClock()
@@ -46,106 +83,122 @@ class Trial:
         self.decider = self.knowledge.as_agent("decision_maker")
         self.navigation = self.knowledge.as_agent("navigation")
         self.detection = self.knowledge.as_agent("container_detection")
+        self.people = self.knowledge.as_agent("person_detection")
         self.picking = self.knowledge.as_agent("picking")
         self.fork = self.knowledge.as_agent("fork")
-
-    def tasks(self) -> dict[str, str]:
-        """Return how far each task is that was asked for, by the edges of the graph."""
-        seen = self.knowledge.snapshot()
-        return {edge.target: edge.label for edge in seen.edges(origin="robot") if edge.type in set(Stage)}
+        self.graphs: dict[str, Snapshot] = {}
 
     def do(self, requester: AgentHandle, executor: AgentHandle, task: str, **goal: float) -> Request:
-        """Hand a task over: it is asked for, and acknowledged a moment later."""
+        """Hand a task over: it is asked for, and the ACK comes a moment later; until it ends it has no result."""
         request = requester.request(task, **goal)
-        assert self.tasks()[task] == "wants"
+        assert tasks(self.knowledge.snapshot())[task] == "wants"
         self.clock.sleep(0.2)
         executor.acknowledge(request)
-        assert self.tasks()[task] == "is"
+        seen = self.knowledge.snapshot()
+        assert tasks(seen)[task] == "is"
+        assert (seen.get(task, "requester").value, seen.get(task, "result").known) == (requester.name, False)
         return request
 
-    def pass_time(self) -> Snapshot:
-        """Let the task go on for a while; return the graph at the end of the step."""
+    def end(self, executor: AgentHandle, request: Request) -> None:
+        """End a task with the result OK."""
+        executor.finish(request, "ok")
+        seen = self.knowledge.snapshot()
+        assert (tasks(seen)[request.task], seen.get(request.task, "result").value) == ("finished", "ok")
+
+    def step(self, name: str) -> Snapshot:
+        """Let things go on for a while, in which reactive agents write as well; return the graph of the step."""
         self.clock.sleep(5.0)
-        return self.knowledge.snapshot()
+        self.navigation.set("battery", "level", 79.0 - len(self.graphs))
+        self.people.insert_edge("people", "is_not", "robot")
+        self.graphs[name] = seen = self.knowledge.snapshot()
+        assert tasks(seen) == STEPS[name]
+        return seen
+
+
+def near(found: Pose, expected: Pose) -> bool:
+    """Return whether two poses are one but for rounding."""
+    return found.distance_m(expected) < 1e-9 and found.angle_rad(expected) < 1e-6
 
 
 def test_section_3_2_is_replayed_step_by_step() -> None:
     trial = Trial()
+    # before: the picker's request is a goal of the navigation agent, which comes to observation pose 1
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=2.0, goal_y=1.0)
     trial.navigation.place("world", "robot_pose", "robot", ROBOT)
     trial.navigation.insert_edge("robot", "in", "area_1")
-    trial.navigation.finish(navigating, "ok")
+    trial.end(trial.navigation, navigating)
 
-    # t: the robot is in the picking area, and the executor's ACK turns `wants` into `is`
+    # t: in picking area 1 the decision maker wakes the detection up, and its ACK turns the edge into `is`
     detecting = trial.do(trial.decider, trial.detection, "detecting")
-    seen = trial.pass_time()
-    assert trial.tasks() == {"navigating": "finished", "detecting": "is"}
+    seen = trial.step("t")
     assert seen.holds(path("robot", "in", "area_1"), absent("world", "container_pose", some("roll_container")))
+    assert not seen.nodes("roll_container")
 
-    # t+1: result, node and pose become visible together; then the robot approaches
+    # t+1: result, node and position are told; the robot approaches the estimated pose, a new goal of navigating
     with trial.detection.transaction() as found:
+        found.finish(detecting, "ok")
         found.insert_node("container_1", "roll_container")
         found.place("world", "container_pose", "container_1", CONTAINER)
-        found.finish(detecting, "ok")
     navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=2.6, goal_y=1.2)
-    seen = trial.pass_time()
-    assert trial.tasks() == {"detecting": "finished", "navigating": "is"}
-    assert seen.holds(value("detecting.result") == "ok", path("world", "container_pose", some("roll_container")))
+    seen = trial.step("t+1")
+    assert seen.holds(value("detecting.result") == "ok", path("world", "container_pose", "container_1"))
+    assert near(seen.transform("world", "container_1").pose, CONTAINER)
     assert (seen.get("navigating", "goal_x").value, seen.get("navigating", "goal_x").source) == (2.6, "decision_maker")
 
-    # t+2: one last check that the container has not been moved
-    trial.navigation.finish(navigating, "ok")
+    # t+2: the detection checks once more that the container has not been moved
+    trial.end(trial.navigation, navigating)
     detecting = trial.do(trial.decider, trial.detection, "detecting")
-    assert not trial.pass_time().get("detecting", "result").known
-    assert trial.tasks() == {"navigating": "finished", "detecting": "is"}
-    trial.detection.finish(detecting, "ok")
+    seen = trial.step("t+2")
+    assert (seen.handover("detecting").number, seen.get("detecting", "result").known) == (2, False)
+    trial.end(trial.detection, detecting)
     pick_up(trial)
+    # each step's graph is what it was, now that all is over
+    assert {name: tasks(graph) for name, graph in trial.graphs.items()} == STEPS
+    assert [graph.get("battery", "level").value for graph in trial.graphs.values()] == [79.0 - at for at in range(8)]
+    assert all(graph.holds(path("people", "is_not", "robot")) for graph in trial.graphs.values())
 
 
 def pick_up(trial: Trial) -> None:
     """Go on with t+3 to t+7, in which the picking agent hands over tasks of its own."""
-    # t+3: the picking up task begins; its agent rotates the robot
+    # t+3: the robot starts to pick up, for which its agent rotates it
     picking_up = trial.do(trial.decider, trial.picking, "picking_up")
     rotating = trial.do(trial.picking, trial.navigation, "rotating")
-    trial.pass_time()
-    assert trial.tasks() == {"navigating": "finished", "detecting": "finished", "picking_up": "is", "rotating": "is"}
+    trial.step("t+3")
 
-    # t+4: turned by 180 degrees it checks the wheels of the container
-    turned = Pose.about((0.0, 0.0, 1.0), 0.5 + np.pi, ROBOT.translation_m)
-    trial.navigation.place("world", "robot_pose", "robot", turned)
-    trial.navigation.finish(rotating, "ok")
+    # t+4: turned by 180 degrees, it checks the wheels, which tell the pose of the container again
+    trial.navigation.place("world", "robot_pose", "robot", TURNED)
+    trial.end(trial.navigation, rotating)
     detecting = trial.do(trial.picking, trial.detection, "detecting")
-    trial.pass_time()
-    assert trial.tasks()["rotating"] == "finished"
-    assert trial.knowledge.snapshot().handover("detecting").requester == "picking"
-    trial.detection.finish(detecting, "ok")
+    seen = trial.step("t+4")
+    assert seen.handover("detecting").requester == "picking"
+    assert near(seen.transform("world", "robot").pose, TURNED)
+    trial.detection.place("world", "container_pose", "container_1", WHEELS)
+    trial.end(trial.detection, detecting)
 
-    # t+5: it approaches the container, for which the robot starts navigating, backwards
+    # t+5: it is to approach; a new pose is navigation's goal, and the decision maker starts navigating, backwards
     approaching = trial.do(trial.picking, trial.navigation, "approaching")
-    navigating = trial.decider.request("navigating", goal_x=2.9, goal_y=1.4)
-    assert trial.tasks() | {"detecting": "finished"} == {
-        "rotating": "finished",
-        "detecting": "finished",
-        "picking_up": "is",
-        "approaching": "is",
-        "navigating": "wants",
-    }
-    trial.navigation.acknowledge(navigating)
-    trial.pass_time()
-    trial.navigation.finish(navigating, "ok")
-    trial.navigation.finish(approaching, "ok")
+    goal = trial.knowledge.transform("world", "container_1").pose.translation_m
+    navigating = trial.do(trial.decider, trial.navigation, "navigating", goal_x=goal[0], goal_y=goal[1])
+    seen = trial.step("t+5")
+    assert near(seen.transform("world", "container_1").pose, WHEELS)
+    assert [seen.get("navigating", name).value for name in ("goal_x", "goal_y")] == list(WHEELS.translation_m[:2])
+    assert seen.handover("navigating").requester == "decision_maker"
+    assert seen.transform("robot", "container_1").pose.translation_m[0] < 0.0  # it lies behind the robot, as the fork
+    trial.end(trial.navigation, navigating)
+    trial.end(trial.navigation, approaching)
 
-    # t+6 and t+7: the fork lifts the container, which stands on the robot from then on
+    # t+6: the robot forks the container up
     lifting = trial.do(trial.picking, trial.fork, "lifting")
-    trial.pass_time()
-    assert trial.tasks()["lifting"] == "is"
+    seen = trial.step("t+6")
+    assert seen.parent("container_1") == "world"
+
+    # t+7: the container stands on the robot, which is ready to deliver it
     with trial.fork.transaction() as lifted:
-        lifted.place("robot", "carried", "container_1", Pose.of((-0.6, 0.0, 0.1)))
+        lifted.place("robot", "carried", "container_1", LIFTED)
         lifted.finish(lifting, "ok")
-    trial.picking.finish(picking_up, "ok")
-    seen = trial.pass_time()
-    assert set(trial.tasks().values()) == {"finished"}
-    assert seen.holds(
-        path("robot", "carried", some("roll_container")), absent("world", "container_pose", "container_1")
-    )
-    assert seen.transform("robot", "container_1").pose.translation_m == (-0.6, 0.0, 0.1)
+    trial.end(trial.picking, picking_up)
+    seen = trial.step("t+7")
+    assert seen.holds(path("robot", "carried", "container_1"), absent("world", "container_pose", "container_1"))
+    assert near(seen.transform("robot", "container_1").pose, LIFTED)
+    by_hand = np.array(TURNED.matrix()) @ np.array(LIFTED.matrix())
+    np.testing.assert_allclose(np.array(seen.transform("world", "container_1").pose.matrix()), by_hand, atol=1e-12)

@@ -1,0 +1,183 @@
+"""What agents and callbacks may do wrong, and what becomes of the graph then: nothing."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.geometry import FrameError, Frames, Pose
+from codra_dsl.runtime.knowledge import AbsentError, Change, Knowledge
+from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, path, some
+from tests.runtime.knowledge.store import store
+from tests.runtime.knowledge.test_poses import PARTS
+
+NO_POSES = {
+    "a translation has 3 finite numbers": [
+        Pose((math.nan, 0.0, 0.0)),
+        Pose((0.0, math.inf, 0.0)),
+        Pose((1.0, 2.0)),  # type: ignore[arg-type]
+        Pose(("a", "b", "c")),  # type: ignore[arg-type]
+        Pose(None),  # type: ignore[arg-type]
+        Pose((10**400, 0, 0)),
+    ],
+    "a quaternion has 4 finite numbers": [Pose((0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0))],
+    "a quaternion of a rotation is not zero": [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))],
+    "'robot' stands at a Pose, not at a tuple": [(0.0, 0.0, 0.0)],
+    "'robot' stands at a Pose, not at a NoneType": [None],
+}
+
+
+@pytest.mark.parametrize("message", NO_POSES)
+def test_what_is_no_rigid_motion_does_not_come_into_the_graph(message: str) -> None:
+    knowledge = store()
+    navigation, before = knowledge.as_agent("navigation"), knowledge.snapshot()
+    for pose in NO_POSES[message]:
+        given: Any = pose
+        with pytest.raises(ValueError, match=message):
+            navigation.place("world", "robot_pose", "robot", given)
+    assert knowledge.snapshot().version == before.version
+
+
+def test_a_quaternion_of_another_length_is_made_a_unit_one_and_arrays_stay_what_they_were() -> None:
+    knowledge = store()
+    array: Any = np.array([1.0, 2.0, 3.0])
+    knowledge.as_agent("navigation").place("world", "robot_pose", "robot", Pose(array, (2.0, 0.0, 0.0, 2.0)))
+    array[:] = 9.0
+    pose = knowledge.transform("world", "robot").pose
+    assert pose.translation_m == (1.0, 2.0, 3.0)
+    np.testing.assert_allclose(pose.rotation, (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)), atol=1e-15)
+
+
+def test_a_pose_is_not_asked_for_at_nan() -> None:
+    frames = Frames().with_pose("robot", "world", Pose(), 0.0).with_pose("robot", "world", Pose(), 1.0)
+    with pytest.raises(ValueError, match="at an instant, not at NaN"):
+        frames.transform("world", "robot", math.nan)
+
+
+def test_a_chain_of_thousands_is_followed_and_closed_to_no_circle() -> None:
+    count = 3_000
+    nodes = tuple(NodeModel(name=f"n{number}", type="part") for number in range(count))
+    model = KnowledgeModel(name="chain", node_types=PARTS.node_types, edge_types=PARTS.edge_types, nodes=nodes)
+    knowledge = Knowledge(model, clock=SimClock())
+    hand = knowledge.as_agent("hand")
+    for number in range(1, count):
+        hand.place(f"n{number - 1}", "moves", f"n{number}", Pose((1.0, 0.0, 0.0)))
+    assert knowledge.transform("n0", f"n{count - 1}").pose.translation_m == (count - 1.0, 0.0, 0.0)
+    with pytest.raises(FrameError, match=f"'n0' cannot stand in 'n{count - 1}' from 0 s on"):
+        hand.place(f"n{count - 1}", "moves", "n0", Pose())
+
+
+def test_a_circle_by_new_parents_is_refused_with_all_of_its_transaction() -> None:
+    knowledge = Knowledge(PARTS, clock=SimClock())
+    hand = knowledge.as_agent("hand")
+    hand.place("n0", "moves", "n1", Pose())
+    hand.place("n1", "moves", "n2", Pose())
+
+    def attempt() -> None:
+        with hand.transaction() as write:
+            write.place("n3", "moves", "n1", Pose())
+            write.place("n2", "moves", "n3", Pose())
+
+    with pytest.raises(FrameError, match="'n3' cannot stand in 'n2' from 0 s on"):
+        attempt()
+    assert [str(edge) for edge in knowledge.snapshot().edges("RT")] == ["n0 -RT-> n1", "n1 -RT-> n2"]
+
+
+@pytest.mark.parametrize("name", ["", "\ud800", "x" * 10_001])
+def test_a_node_has_a_name_that_can_be_written_down(name: str) -> None:
+    with pytest.raises(ValueError, match=r"a node has a name|a lone surrogate|is too long"):
+        store().as_agent("container_detection").insert_node(name, "roll_container")
+
+
+def test_a_transaction_that_is_over_takes_no_more_changes() -> None:
+    knowledge = store()
+    detection = knowledge.as_agent("container_detection")
+    with detection.transaction() as write:
+        write.insert_node("box", "roll_container")
+    with pytest.raises(PermissionError, match="this transaction is over: begin another"):
+        write.insert_node("cage", "roll_container")
+    assert [node.name for node in knowledge.snapshot().nodes("roll_container")] == ["box"]
+
+
+# Callbacks
+
+
+BOXES = path(some("roll_container", called="box"), "close_to", "robot")
+
+
+def put(knowledge: Knowledge, *names: str) -> None:
+    with knowledge.as_agent("container_detection") as detection, detection.transaction() as write:
+        for name in names:
+            write.insert_node(name, "roll_container")
+            write.insert_edge(name, "close_to", "robot")
+
+
+def test_a_callback_that_deletes_what_it_was_told_of_ends_at_nothing() -> None:
+    clock, told = SimClock(), []
+    knowledge = store(clock)
+    put(knowledge, "a", "b", "c")
+    detection = knowledge.as_agent("container_detection")
+
+    def delete(change: Change) -> None:
+        told.append((len(change.new), len(change.over), len(change.matches)))
+        for match in change.matches:
+            detection.delete_node(match.node("box"))
+            with pytest.raises(AbsentError):
+                detection.delete_node(match.node("box"))
+
+    knowledge.subscribe(delete, BOXES)
+    clock.sleep(1.0)
+    assert told == [(3, 0, 3), (0, 3, 0)]
+    assert knowledge.snapshot().edges("close_to") == ()
+
+
+def test_a_callback_may_end_its_own_subscription_and_begin_others() -> None:
+    clock, told, others = SimClock(), [], []
+    knowledge = store(clock)
+
+    def once(change: Change) -> None:
+        told.append(len(change.matches))
+        subscription.unsubscribe()
+        subscription.unsubscribe()
+        knowledge.subscribe(lambda other: others.append(len(other.matches)), BOXES)
+
+    subscription = knowledge.subscribe(once, BOXES)
+    for name in ("a", "b"):
+        put(knowledge, name)
+        clock.sleep(1.0)
+    assert (told, others) == ([1], [1, 2])
+
+
+def test_a_callback_that_ends_its_thread_is_called_again_and_others_as_well(caplog: pytest.LogCaptureFixture) -> None:
+    clock, calls, told = SimClock(), [], []
+    knowledge = store(clock)
+
+    def end(_: Change) -> None:
+        calls.append(1)
+        raise SystemExit(3)
+
+    knowledge.subscribe(end, BOXES)
+    knowledge.subscribe(lambda change: told.append(len(change.matches)), BOXES)
+    with caplog.at_level(logging.ERROR):
+        for name in ("a", "b"):
+            put(knowledge, name)
+            clock.sleep(1.0)
+    assert (calls, told) == ([1, 1], [1, 2])
+    assert "a callback raised" in caplog.text
+
+
+def test_news_of_the_past_in_any_number_fill_no_memory() -> None:
+    knowledge = store(SimClock(10_000.0))
+    navigation = knowledge.as_agent("navigation")
+    for step in range(5_000):
+        navigation.place("world", "robot_pose", "robot", Pose((float(step), 0.0, 0.0)), stamp_s=10_000.0 - step / 10)
+        navigation.set("battery", "level", 50.0, evidence_s=10_000.0 - step / 10)
+    seen = knowledge.snapshot()
+    assert len(seen.history("battery", "level")) == 100
+    old = seen.transform("world", "robot", 0.0)
+    assert old.pose.translation_m == (100.0, 0.0, 0.0)  # ten seconds before the newest, and no further
