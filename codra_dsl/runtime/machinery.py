@@ -92,7 +92,7 @@ class Machinery:
             variables=tuple(self.store.variables.values()),
             steps=self.clock,
             scribe=self.scribe,
-            take=self.store.take,
+            write=self.store.write,
         )
         knowledge = Knowledge(model, clock=self.time, sharing=sharing)
         self.store.mirror = knowledge.mirror

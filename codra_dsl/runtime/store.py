@@ -52,11 +52,6 @@ class Store:
             reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
         if self.mirror is not None:
             self.mirror(reading)
-        self.take(reading)
-
-    def take(self, reading: Reading[Value]) -> None:
-        """Take a reading that the knowledge graph holds already."""
-        name = reading.name
         cell = self.cells[name]
         before = cell.reading
         is_present = cell.write(reading)

@@ -75,6 +75,7 @@ class Knowledge:
         self._turn: AbstractContextManager[object] = threading.Lock() if sharing is None else sharing.steps
         self._state = State()
         self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
+        self._held: list[Reading[Value]] = []
         self._audit = Audit()
         self._watches = Watches()
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
@@ -175,6 +176,8 @@ class Knowledge:
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
+        if any(each is reading for each in self._held):
+            return  # it is in the graph already, with all that was written with it
         name = reading.name
         node = self._state.nodes[self._words.variables[name]]
         most = self._words.attribute(node, name).model.history
@@ -299,16 +302,25 @@ class Knowledge:
             draft = Draft(self._words, self._state, self._steps.now_s(), agent, None if sharing is None else [])
             result = self._audited(draft, change)
             if draft.touched:
-                if sharing is not None:
-                    sharing.tell_input(agent, operations)
-                self._hold(draft.state())
-                if sharing is not None:
-                    sharing.commit(draft, self._state.version)
+                if sharing is None:
+                    self._hold(draft.state())
+                else:
+                    self._commit(draft, operations, sharing)
                 for instant_s, handover in draft.deadlines:
                     self._steps.call_at(instant_s, partial(self._expire, handover.task))
                 self._watches.changed(draft.touched)
                 self._clock.notify()
         return result
+
+    def _commit(self, draft: Draft, operations: Sequence[Operation], sharing: Sharing) -> None:
+        """Put what a draft has become in the place of the present state, and tell the context and the journal."""
+        sharing.tell_input(draft.agent, operations)
+        self._hold(draft.state())
+        self._held = draft.shared
+        try:
+            sharing.commit(draft, self._state.version)
+        finally:
+            self._held = []
 
     def _hold(self, state: State) -> None:
         """Put another state in the place of the present one."""

@@ -42,13 +42,13 @@ class Sharing:
         variables: of the context.
         steps: make each write a step, and let deadlines be events.
         scribe: tells the journal.
-        take: takes readings of variables that the graph holds already.
+        write: takes readings of variables, and gives them back to the graph's `mirror`.
     """
 
     variables: Sequence[VariableModel]
     steps: LockedClock
     scribe: Scribe
-    take: Callable[[Reading[Value]], None]
+    write: Callable[[Reading[Value]], None]
 
     def tell_input(self, agent: str, operations: Sequence[Operation]) -> None:
         """Tell the journal what an agent does, before anybody can see it."""
@@ -58,7 +58,7 @@ class Sharing:
     def commit(self, draft: Draft, version: int) -> None:
         """Let the context have what was written of its variables, and tell what else was done."""
         for reading in draft.shared:
-            self.take(reading)
+            self.write(reading)
         for name, what, details in draft.notes or ():
             self.scribe.tell(Kind.KNOWLEDGE, name, what, version=version, **details)
 
