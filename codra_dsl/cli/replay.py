@@ -13,7 +13,7 @@ from codra_dsl.cli.console import ExitCode, common_root, existing, say, write_re
 from codra_dsl.cli.journal import JournalFile
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime import ContextModel, Journal
+    from codra_dsl.runtime import Journal
     from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.head import Head
     from codra_dsl.runtime.outline import Outline, Place
@@ -79,13 +79,13 @@ def _replayed(
         folder = _compiled(spec, Path(made)) if spec is not None else package or _default(head)
         try:
             module = load_package(folder)
-            model = module.MODEL
+            module.MODEL  # noqa: B018 - a package has one
         except Exception as error:
             say(f"codra: '{folder}' is no package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
         _tell_versions(head, folder)
         try:
-            return _run(head, events, model, _manager_class(module), _opened(journal))
+            return _run(head, events, module, _opened(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -99,10 +99,11 @@ def _manager_class(module: ModuleType) -> Build:
     return next((each for each in classes if each is not ContextManager), ContextManager)
 
 
-def _run(head: Head, events: tuple[Event, ...], model: ContextModel, build: Build, copy: Journal | None) -> Replayed:
+def _run(head: Head, events: tuple[Event, ...], module: ModuleType, copy: Journal | None) -> Replayed:
     from codra_dsl.runtime.replay import replay
 
-    found = replay(head, events, model, build, copy)
+    knowledge = getattr(module, "KNOWLEDGE", None)
+    found = replay(head, events, module.MODEL, _manager_class(module), copy, knowledge)
     if copy is not None and copy.failure is not None:
         say(f"codra: '{copy.path}' is not whole: {copy.failure}")
     return found

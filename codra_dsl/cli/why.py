@@ -25,7 +25,14 @@ class WhyFormat(StrEnum):
     JSON = "json"
 
 
-Variable = Annotated[str, typer.Argument(metavar="VARIABLE", help="The context-variable.", show_default=False)]
+Variable = Annotated[
+    str,
+    typer.Argument(
+        metavar="VARIABLE",
+        help="The context-variable; of knowledge, a node, 'node.attribute', 'origin -edge-> target', or a task.",
+        show_default=False,
+    ),
+]
 JournalOption = Annotated[
     Path,
     typer.Option(
@@ -63,7 +70,6 @@ def why_command(
     existing([journal])
     with opened_journal(journal) as reader:
         head = reader.head()
-        _check_variable(variable, head)
         asked_s = None if at is None else _instant_s(at, head)
         past = Past(reader, math.inf if asked_s is None else asked_s)
         end_s = head.start_s if past.end_s is None else past.end_s
@@ -76,17 +82,22 @@ def why_command(
 
 
 def _explained(head: Head, past: Past, variable: str, at_s: float, journal: Path) -> Why:
+    from codra_dsl.runtime.names import UnknownNameError
     from codra_dsl.runtime.why import explain
 
     try:
         return explain(head.outline, past.ledger, variable, at_s)
+    except UnknownNameError as error:
+        _check_variable(variable, head)
+        raise typer.BadParameter(str(error), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
 def _check_variable(name: str, head: Head) -> None:
-    if name not in head.outline.variables:
+    """Refuse a name of the context where there is no knowledge that it could be of."""
+    if not head.outline.nodes and name not in head.outline.variables:
         near = difflib.get_close_matches(name, head.outline.variables, n=1)
         hint = f": did you mean '{near[0]}'?" if near else ""
         raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from codra_dsl.runtime.knowledge import AgentHandle, Change, Knowledge
+    from codra_dsl.runtime.subscriptions import Subscription
 
 VariableName = TypeVar("VariableName", bound=str)
 
@@ -19,11 +23,53 @@ class Agent(Generic[VariableName]):
         name: of the agent.
     """
 
-    __slots__ = ("_write", "name")
+    __slots__ = ("_handle", "_knowledge", "_write", "name")
 
-    def __init__(self, name: str, write: Callable[[str, object, str, float | None], None]) -> None:
+    def __init__(
+        self,
+        name: str,
+        write: Callable[[str, object, str, float | None], None],
+        knowledge: Knowledge | None = None,
+    ) -> None:
+        """Write as one agent.
+
+        Args:
+            name: of the agent.
+            write: writes a variable: its name, the value, the writer, and when its evidence was taken.
+            knowledge: the graph that the agent writes as well, if there is one.
+
+        Raises:
+            UnknownNameError: if the graph has no such agent.
+            AgentTakenError: if a handle of the agent is open.
+        """
         self.name = name
         self._write = write
+        self._knowledge = knowledge
+        self._handle = None if knowledge is None else knowledge.as_agent(name)
+
+    @property
+    def graph(self) -> AgentHandle:
+        """Return the handle by which the agent writes the knowledge graph.
+
+        Raises:
+            LookupError: if the spec says nothing of knowledge.
+        """
+        if self._handle is None:
+            raise LookupError("the spec says nothing of knowledge")
+        return self._handle
+
+    def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
+        """Call back when what wakes the agent comes to hold in the knowledge graph; see `AgentHandle.on_wake`.
+
+        Raises:
+            LookupError: if the spec says nothing of knowledge.
+        """
+        return self.graph.on_wake(callback)
+
+    def close(self) -> None:
+        """Write no more with this handle; where there is a knowledge graph, the agent can be taken again."""
+        if self._handle is not None:
+            self._handle.close()
 
     def set(self, name: VariableName, value: object, *, evidence_s: float | None = None) -> None:
         """Write a variable of which this agent is a source; whether it is declared does not matter.
@@ -38,4 +84,6 @@ class Agent(Generic[VariableName]):
             NotOfTypeError: if the value is not what the spec declares.
             ValueError: if the evidence lies in the future.
         """
+        if self._handle is not None:
+            self._handle.check_open()
         self._write(name, value, self.name, evidence_s)

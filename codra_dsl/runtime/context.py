@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,32 +12,26 @@ from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.logic import Term, Value, known
-from codra_dsl.runtime.agents import Agent
-from codra_dsl.runtime.attention import Attention
-from codra_dsl.runtime.cell import FOREVER_S, Reading, Reason
-from codra_dsl.runtime.clock import Clock, LockedClock
+from codra_dsl.runtime.agents import Agent, NotASourceError
+from codra_dsl.runtime.cell import FOREVER_S, Reading
+from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.decisions import Demand
-from codra_dsl.runtime.declarations import MAIN
-from codra_dsl.runtime.expectations import Expectations
-from codra_dsl.runtime.forest import Forest
+from codra_dsl.runtime.declarations import MAIN, OBSERVER
 from codra_dsl.runtime.holding import Holding
-from codra_dsl.runtime.inputs import OBSERVER, Inputs, NotDeclaredError
-from codra_dsl.runtime.journal import Record, Scribe
+from codra_dsl.runtime.inputs import NotDeclaredError
+from codra_dsl.runtime.journal import Record
 from codra_dsl.runtime.journal.head import Head
-from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel
+from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, nodes_of_variables
+from codra_dsl.runtime.machinery import Machinery
 from codra_dsl.runtime.messages import Send, Session
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
 from codra_dsl.runtime.names import UnknownNameError, unknown
-from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.outline import Outline, manifest_of, outlined, package_folder
-from codra_dsl.runtime.perception import Function, Perception, Spent, check_handles, imported
+from codra_dsl.runtime.perception import Function, Spent, check_handles, imported
 from codra_dsl.runtime.question import Question, Step
 from codra_dsl.runtime.shadow import ShadowReport, shadow_report
 from codra_dsl.runtime.skills import Skill
-from codra_dsl.runtime.slots import Slots
-from codra_dsl.runtime.store import Store
-from codra_dsl.runtime.subscriptions import Subscription, Subscriptions
-from codra_dsl.runtime.surroundings import Surroundings
+from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.waiting import wait_for
 from codra_dsl.runtime.why import Why, explain
 
@@ -81,7 +74,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             seed: of the chance that jobs see as `job.random`.
             record: takes every change; by default one of its own.
             find: returns the perception function of an algorithm; by default the one that its `call` names.
-            knowledge: what the spec says of knowledge, if it does.
+            knowledge: what the spec says of a knowledge graph and its agents; None if there is none.
 
         Raises:
             CallError: if a perception function cannot be imported, or a handle is missing or of no use.
@@ -89,48 +82,19 @@ class ContextManager(Generic[VariableName, SkillName]):
         check_handles(model, resources)
         self.record = Record() if record is None else record
         self.model = model
-        self._lock = threading.RLock()
-        self._clock = LockedClock(clock, self._lock)
-        self._time, self._now_s = clock, clock.now_s
-        self._scribe = Scribe(self.record, self._clock, self._clock.place)
-        self._clock.is_late = lambda: self._scribe.tell_input("clock", "late")
-        self._skills = {skill.name: skill for skill in model.skills}
-        self._store = Store(model.variables, self._clock, self._scribe, self._changed)
-        self._cells = self._store.cells
-        self._slots = Slots(self._clock, {resource.name: resource for resource in model.resources})
-        self._perception = Perception(
-            clock=self._clock, slots=self._slots, handles=resources, seed=seed, scribe=self._scribe, find=find
-        )
-        self._subscriptions = Subscriptions(clock, self._lock)
-        self._expectations = Expectations(self._store, self._clock, self._scribe, self._subscriptions.judged)
-        attention = Attention()
-        surroundings = Surroundings(
-            cells=self._store.cells,
-            variables=self._store.variables,
-            perception=self._perception,
-            attention=attention,
-            scribe=self._scribe,
-            clock=self._clock,
-            urgency=lambda observer: self.inputs.urgency(observer),  # noqa: PLW0108 - inputs come later
-        )
-        self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
-        observers = self._forest.observers.values()
-        self._perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
-        self.inputs = Inputs(
-            clock=self._clock,
-            scribe=self._scribe,
-            store=self._store,
-            forest=self._forest,
-            slots=self._slots,
-            expectations=self._expectations,
-            attention=attention,
-            skills=self._skills,
-            explain=self._explained,
-        )
-        self.knowledge = None if knowledge is None else Knowledge(knowledge, clock=clock)
-        self._holding = Holding(self._slots, self.inputs, self._clock)
+        parts = Machinery(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
+        self._parts = parts
+        self._lock, self._clock, self._time, self._now_s = parts.lock, parts.clock, clock, clock.now_s
+        self._store, self._cells, self._forest = parts.store, parts.store.cells, parts.forest
+        self._perception, self._expectations = parts.perception, parts.expectations
+        self._subscriptions, self.inputs = parts.subscriptions, parts.inputs
+        self._skills = parts.skills
+        self._holding = Holding(parts.slots, self.inputs, self._clock)
         self._sessions = itertools.count(2)
-        self.record.begin(lambda: self._head(seed))
+        self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
+        with self._clock:  # so that the graph begins at the instant at which the journal does
+            self.record.begin(lambda: self._head(seed))
+            self._knowledge = None if knowledge is None else parts.with_knowledge(knowledge)
 
     def __enter__(self) -> Self:
         return self
@@ -239,7 +203,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise unknown("variable", name, self._cells) from None
         if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
             reading = reading.at(now_s)
-        return reading if reading.reason is None else self._explained(reading)
+        return reading if reading.reason is None else self._parts.explained(reading)
 
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
@@ -247,11 +211,10 @@ class ContextManager(Generic[VariableName, SkillName]):
         It is the first condition that does not hold, of each algorithm if there are alternatives, or that the observer
         does not run, or whose the variable is to write if none observes it.
         """
-        model = self._model(name)
-        obstacle = self._forest.obstacle(name)
-        return f"for {' or '.join(model.sources)} to write" if obstacle is None else obstacle
+        self._model(name)
+        return self._parts.obstacle(name)
 
-    def why(self, name: VariableName, *, at_s: float | None = None) -> Why:
+    def why(self, name: VariableName | str, *, at_s: float | None = None) -> Why:
         """Return why a variable is what it is: from its value to the evidence, or from unknown to what is missing.
 
         Args:
@@ -261,7 +224,8 @@ class ContextManager(Generic[VariableName, SkillName]):
         Raises:
             ValueError: if the instant lies in the future, or before what the record holds.
         """
-        self._model(name)
+        if self._knowledge is None:
+            self._model(name)
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
         if at_s is not None and not at_s <= now_s:
@@ -290,13 +254,30 @@ class ContextManager(Generic[VariableName, SkillName]):
     def agent(self, name: str) -> Agent[VariableName]:
         """Return the handle by which an outside writer writes the variables that name it as `source`.
 
+        Where there is a knowledge graph, the agents are those of the graph, and nobody else gets a handle of the same
+        name while this one is open.
+
         Raises:
-            UnknownNameError: if no variable does.
+            UnknownNameError: if no variable does, and the graph has no such agent.
+            AgentTakenError: if a handle of the agent is open, where there is a knowledge graph.
         """
+        if self._knowledge is not None:
+            return Agent(name, self._write_as, self._knowledge)
         names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
         if name not in names:
             raise unknown("variable whose source is", name, sorted(names))
         return Agent(name, self._write_as)
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """Return the knowledge graph, of whose nodes the context-variables are attributes.
+
+        Raises:
+            LookupError: if the spec says nothing of knowledge.
+        """
+        if self._knowledge is None:
+            raise LookupError(f"the spec {self.model.name!r} says nothing of knowledge")
+        return self._knowledge
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
         """Return the kept readings of a variable, by the instant of their evidence."""
@@ -452,25 +433,20 @@ class ContextManager(Generic[VariableName, SkillName]):
         return Head.of_run(self._outlined(), manifest, seed=seed, start_s=self._clock.now_s())
 
     def _outlined(self) -> Outline:
-        return outlined(
+        found = outlined(
             self.model.name,
             self._store.variables.values(),
             self._forest.observers.values(),
             self._skills.values(),
             package_folder(self),
         )
+        return replace(found, nodes=self._nodes)
 
     def _reading(self, name: str) -> Reading[Value]:
         try:
             return self._store.reading(name)
         except KeyError:
             raise unknown("variable", name, self._store.cells) from None
-
-    def _explained(self, reading: Reading[Value]) -> Reading[Any]:
-        """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
-        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE):
-            return reading
-        return replace(reading, detail=self.obstacle(cast("VariableName", reading.name)))
 
     def _model(self, name: str) -> VariableModel:
         if name not in self._store.variables:
@@ -482,14 +458,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise unknown("skill", name, self._skills)
         return self._skills[name]
 
-    def _changed(self, name: str, is_renewed: bool) -> None:
-        self._forest.changed(name, is_renewed)
-        self._expectations.changed(name)
-        self._subscriptions.changed(name, self._store.reading)
-        self._time.notify()
-
     def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
-        self.inputs.write(name, self._model(name).type.convert(value), writer, evidence_s)
-
-    def _observer_stopped(self, observer: Observer) -> None:
-        self._store.forget(observer.model.identifies, observer.name)
+        content = self._model(name).type.convert(value)
+        try:
+            self.inputs.write(name, content, writer, evidence_s)
+        except NotASourceError as error:
+            if self._knowledge is not None:
+                self._knowledge.take_down(writer, str(error))
+            raise

@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterable
 MAIN = "main_execution"
 """Who holds what the main execution declares by itself; of several, each has a number behind its name."""
 
+OBSERVER = "observer"
+"""What a variable names as its source that is identified by an observer."""
+
 _EXPECTED = "expected"
 _UNDER_WAY = "skill "
 

@@ -15,7 +15,7 @@ from codra_dsl.runtime.attention import Attention
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.clock import LockedClock
 from codra_dsl.runtime.decisions import Decision, Demand
-from codra_dsl.runtime.declarations import MAIN, Declarations, expected_by, under_way
+from codra_dsl.runtime.declarations import MAIN, OBSERVER, Declarations, expected_by, under_way
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.journal import Kind, Scribe
@@ -23,8 +23,6 @@ from codra_dsl.runtime.model import SkillModel, VariableModel
 from codra_dsl.runtime.slots import MAIN_EXECUTION, Slots, Ticket
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.urgency import Urgencies, Urgency
-
-OBSERVER = "observer"
 
 
 class NotDeclaredError(PermissionError):

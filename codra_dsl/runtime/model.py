@@ -63,7 +63,7 @@ class ValueType:
         """
         if (given is True or given is False) and self.kind == "bool":
             return given
-        plain = _plain(given)
+        plain = unboxed(given)
         if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
             raise NotOfTypeError(f"{_shown(plain)} is no {self.kind}")
         converted = _text(plain) if isinstance(plain, str) else self._number(plain)
@@ -85,7 +85,7 @@ class ValueType:
             raise NotOfTypeError(f"{_shown(plain)} is none of {', '.join(self.members)}")
 
 
-def _plain(given: object) -> object:
+def unboxed(given: object) -> object:
     """Return the number that one of numpy's scalars stands for, and anything else as it is."""
     try:
         item = getattr(given, "item", None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from codra_dsl.runtime.term_text import spoken, term_of
 
 MANIFEST = "manifest.json"
 SOURCES = "sources.json"
+_PLACED = frozenset({"context", "skill", "type", "node", "edge", "task"})
 _MANIFEST_FORMAT = "codra-manifest"
 
 
@@ -101,7 +102,8 @@ class Outline:
     """A whole spec.
 
     Attributes:
-        places: of variables and skills, by `context/NAME` and `skill/NAME`.
+        places: of variables and skills, by `context/NAME` and `skill/NAME`; of knowledge, likewise.
+        nodes: by variable, the node of the knowledge graph of which it is an attribute; empty if there is no graph.
     """
 
     name: str
@@ -110,6 +112,7 @@ class Outline:
     algorithms: Mapping[str, AlgorithmOutline]
     skills: Mapping[str, SkillModel]
     places: Mapping[str, Place]
+    nodes: Mapping[str, str] = field(default_factory=dict)
 
     def observer_of(self, variable: str) -> ObserverOutline | None:
         """Return the observer of a variable, if it has one."""
@@ -185,7 +188,7 @@ def outlined(
         },
         algorithms={branch.algorithm.name: _algorithm_outline(branch, places) for _, branch in branches},
         skills={skill.name: skill for skill in skills},
-        places={key: place for key, place in places.items() if key.split("/")[0] in ("context", "skill")},
+        places={key: place for key, place in places.items() if key.split("/")[0] in _PLACED},
     )
 
 

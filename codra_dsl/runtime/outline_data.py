@@ -30,6 +30,7 @@ def plain_outline(outline: Outline) -> dict[str, Any]:
             for name, each in outline.skills.items()
         },
         "places": {key: _plain_place(place) for key, place in outline.places.items()},
+        **({"nodes": dict(outline.nodes)} if outline.nodes else {}),
     }
 
 
@@ -109,6 +110,7 @@ def outline_of(plain: Mapping[str, Any]) -> Outline:
             for name, about in plain["skills"].items()
         },
         places={key: place for key, about in plain["places"].items() if (place := place_of(about))},
+        nodes={str(name): str(node) for name, node in plain.get("nodes", {}).items()},
     )
 
 

@@ -14,7 +14,11 @@ from codra_dsl.runtime.model import VariableModel
 
 
 class Store:
-    """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock."""
+    """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock.
+
+    Attributes:
+        mirror: takes each reading before the cells do, for the knowledge graph of which they are attributes.
+    """
 
     def __init__(
         self, variables: Sequence[VariableModel], clock: Clock, scribe: Scribe, changed: Callable[[str, bool], None]
@@ -34,6 +38,7 @@ class Store:
         self._scribe = scribe
         self._changed = changed
         self._expiring: set[str] = set()
+        self.mirror: Callable[[Reading[Value]], None] | None = None
 
     def reading(self, name: str) -> Reading[Value]:
         """Return what is known of a variable now; any thread may ask, without the lock."""
@@ -45,6 +50,8 @@ class Store:
         if reading.expires_s == FOREVER_S and reading.reason is None:
             expires_s = reading.evidence_s + self.variables[name].valid_for_s
             reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
+        if self.mirror is not None:
+            self.mirror(reading)
         cell = self.cells[name]
         before = cell.reading
         is_present = cell.write(reading)

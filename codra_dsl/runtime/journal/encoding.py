@@ -14,6 +14,9 @@ from codra_dsl.runtime.journal.events import Event, Kind
 
 _encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
+_SHARED = frozenset({Kind.INPUT, Kind.KNOWLEDGE})
+"""Kinds whose events share one topic."""
+
 _SCALARS = frozenset({bool, int, float, str})
 
 
@@ -27,16 +30,16 @@ def message_of(event: Event) -> bytes:
             plain[key] = {name: part for name, part in detail.items() if part is not None}
         elif detail is not None:
             plain[key] = detail
-    if event.kind is Kind.INPUT:
-        _make_uniform(plain)
+    if event.kind in _SHARED:
+        _make_uniform(event.kind, plain)
     return bytes_of(json_text(plain))
 
 
-def _make_uniform(plain: dict[str, Any]) -> None:
-    """Give the fields that inputs share one type each."""
+def _make_uniform(kind: Kind, plain: dict[str, Any]) -> None:
+    """Give the fields that events on one topic share one type each."""
     if "value" in plain:
         plain["value"] = json_text(plain["value"])
-    if isinstance(plain.get("evidence_s"), float):
+    if kind is Kind.INPUT and isinstance(plain.get("evidence_s"), float):
         plain["evidence_s"] = [plain["evidence_s"]]
 
 
@@ -48,7 +51,7 @@ def event_of(kind: Kind, data: bytes) -> Event:
     """
     plain = json.loads(data)
     instant_s, name, what = plain.pop("instant_s"), plain.pop("name"), plain.pop("what")
-    if kind is Kind.INPUT and "value" in plain:
+    if kind in _SHARED and "value" in plain:
         plain["value"] = json.loads(plain["value"])
     return Event(float(instant_s), kind, str(name), str(what), plain)
 

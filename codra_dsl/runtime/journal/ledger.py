@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Self
 
@@ -48,6 +48,7 @@ class Ledger:
         ended: by algorithm, the last end of a job.
         declared: by variable, whose need for it was declared or withdrawn last.
         expected: by variable, what last came of what a skill expects of it.
+        knowledge: by node, attribute, edge or task, the last of each that became of it.
     """
 
     def __init__(self) -> None:
@@ -61,6 +62,7 @@ class Ledger:
         self.ended: dict[str, Event] = {}
         self.declared: dict[str, Event] = {}
         self.expected: dict[str, Event] = {}
+        self.knowledge: dict[str, Mapping[str, Event]] = {}
 
     @classmethod
     def of(cls, events: Iterable[Event], until_s: float, before: Ledger | None = None) -> Ledger:
@@ -76,7 +78,7 @@ class Ledger:
         """Return the same, to go on with apart."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in ("present", "known", "basis", "observers", "started", "ended", "declared", "expected"):
+        for name in ("present", "known", "basis", "observers", "started", "ended", "declared", "expected", "knowledge"):
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other
@@ -95,6 +97,10 @@ class Ledger:
                 self.declared[event.name] = event
             case Kind.EXPECTATION:
                 self.expected[event.name] = event
+            case Kind.KNOWLEDGE:
+                before = self.knowledge.get(event.name, {})
+                others = {what: other for what, other in before.items() if what != event.what}
+                self.knowledge[event.name] = {**others, event.what: event}  # the latest last
             case _:
                 pass
 

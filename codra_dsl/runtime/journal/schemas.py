@@ -17,6 +17,14 @@ from codra_dsl.runtime.outline import Outline, Place
 
 RUN_TOPIC = "/codra/run"
 
+RULE_EVENTS = {
+    "begun": "what must hold before did",
+    "broken": "what must hold during does not hold any more",
+    "fulfilled": "what it is to bring about holds",
+    "unfulfilled": "it has ended, and that does not hold",
+}
+"""What becomes of a rule of an agent, by what tells it."""
+
 _JSON_TYPES = {"bool": "boolean", "int": "integer", "float": "number", "str": "string", "enum": "string"}
 
 Field = dict[str, Any]
@@ -261,6 +269,9 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
             "unstarted": "the function of a job could not be started",
             "evidence": "a job said when its evidence was taken",
             "late": "the next event happens now, long after its time",
+            "graph": "an agent writes knowledge, all of it at once",
+            "refused": "an agent would have written knowledge that it may not, or begun what its rule does not allow",
+            "rule": "something became of a rule of an agent",
         },
         step=_field("integer", "How many events of the clock had happened by then."),
         work=_field("integer", "In simulated time, the number of the job, among all jobs, whose function asks this."),
@@ -279,6 +290,49 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
         index=_field("integer", "The number of the job."),
         told_s=_field("number", "When the job said so."),
         message=_field("string", "The error."),
+        operations=_field("string", "What is written, as JSON: a list of operations, each with what it is given."),
+        rule=_field("string", "The rule of the agent."),
+        became=_field("string", "What became of the rule."),
+        subject=_field("string", "What would have been written: a node, an attribute, an edge, or a task."),
+    )
+
+
+def _of_knowledge(_name: str, _outline: Outline) -> tuple[str, Field]:
+    return "codra.Knowledge", _event(
+        "What became of the knowledge graph.",
+        "A node, node.attribute, an edge as origin -type-> target, a task, or agent.rule.",
+        {
+            "node_inserted": "the node is there",
+            "node_deleted": "it is not there any more, nor are its edges",
+            "edge_inserted": "the edge is there, or another agent answers for it",
+            "edge_deleted": "it is not there any more",
+            "placed": "the target of the edge stands in its origin, by this pose",
+            "written": "the attribute has a value, or is unknown",
+            "wants": "the task is asked for",
+            "is": "its executor has begun it",
+            "finished": "its executor has ended it",
+            "aborted": "it ended otherwise",
+            "refused": "an agent would have written it that may not, or begun what its rule does not allow",
+            **{what: f"the agent's rule: {meaning}" for what, meaning in RULE_EVENTS.items()},
+        },
+        agent=_field("string", "Who did it; empty at the start and of what the graph does by itself."),
+        version=_field("integer", "The number of the change of the graph; what has one number became visible at once."),
+        type=_field("string", "Of the node or edge."),
+        label=_field("string", "Of the edge."),
+        value=_field("string", "The value of the attribute, as JSON; left out when unknown."),
+        unit=_field("string", "Of the value."),
+        reason=_reason("Why it is unknown; left out when known."),
+        evidence_s=_field("number", "When the evidence was taken, or the pose measured."),
+        expires_s=_field("number", "When the value is valid no more; left out if that is never."),
+        translation_m=_list("number", "Of the pose: x, y, z."),
+        rotation=_list("number", "Of the pose: a unit quaternion w, x, y, z."),
+        request=_field("integer", "The number of the request, counted from 1."),
+        requester=_field("string", "The agent that asked."),
+        result=_field("string", "Of a task that has finished."),
+        since_s=_field("number", "Since when the task is at this stage."),
+        deadline_s=_field("number", "When the task ends as aborted unless it goes on; left out if never."),
+        rule=_field("string", "The rule of the agent."),
+        message=_field("string", "Who may write it, why a task was aborted, or what of a rule does not hold."),
     )
 
 
@@ -324,6 +378,9 @@ TOPICS: Mapping[Kind, Topic] = {
     ),
     Kind.EXPECTATION: Topic(
         folder="/codra/expectation", schema=_of_expectation, told=_about_variable, place=_place_of_variable
+    ),
+    Kind.KNOWLEDGE: Topic(
+        folder="/codra/knowledge", schema=_of_knowledge, told=_about_nothing, place=_nowhere, is_shared=True
     ),
     Kind.INPUT: Topic(folder="/codra/input", schema=_of_input, told=_about_nothing, place=_nowhere, is_shared=True),
 }

@@ -23,6 +23,10 @@ TASK = "task"
 """The type of nodes that tasks bring along."""
 
 
+CONTEXT = "context"
+"""The node whose attributes context-variables are that say no other."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Writer:
     """An agent that may write something.

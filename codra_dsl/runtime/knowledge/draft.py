@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.geometry import Outcome, Pose
 from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
@@ -25,6 +27,14 @@ Touched = tuple[str, str]
 """What a change touched: `node`, `edge` or `frame` and a type or a name; or the name of a node and its attribute."""
 
 
+class Note(NamedTuple):
+    """What a change did, for a journal."""
+
+    name: str
+    what: str
+    details: Mapping[str, object]
+
+
 class AbsentError(LookupError):
     """There is no such node or edge in the graph."""
 
@@ -41,6 +51,9 @@ class Draft:
         now_s: when.
         touched: what was changed.
         deadlines: of tasks, which the change set: when, and of what.
+        shared: readings of attributes that are context-variables, in the order in which they were written.
+        notes: what was done, for a journal; None if there is none.
+        operation: what was done last.
     """
 
     __slots__ = (
@@ -56,11 +69,14 @@ class Draft:
         "_words",
         "agent",
         "deadlines",
+        "notes",
         "now_s",
+        "operation",
+        "shared",
         "touched",
     )
 
-    def __init__(self, words: Words, state: State, now_s: float, agent: str) -> None:
+    def __init__(self, words: Words, state: State, now_s: float, agent: str, notes: list[Note] | None = None) -> None:
         self._words = words
         (
             self._version,
@@ -77,6 +93,9 @@ class Draft:
         self.now_s = now_s
         self.touched: set[Touched] = set()
         self.deadlines: list[tuple[float, Handover]] = []
+        self.shared: list[Reading[Value]] = []
+        self.notes = notes
+        self.operation: Any = None
 
     def state(self) -> State:
         """Return the state that the changes make."""
@@ -118,6 +137,8 @@ class Draft:
         same = self._of_type.get(type_name) or PersistentMap()
         self._of_type = self._of_type.with_entry(type_name, same.with_entry(name, None))
         self.touched.add(("node", type_name))
+        if self.notes is not None:
+            self._note(name, "node_inserted", type=type_name)
         for attribute, value in values.items():
             self.set(name, attribute, value, None)
 
@@ -126,6 +147,8 @@ class Draft:
         node = self.node(name)
         rights = self._words.node_type(node.type).rights
         rights.check(self.agent, "nodes of type ", node.type)
+        if name in self._words.nodes_of_context:
+            raise NotASourceError(f"{name!r} stays: context-variables are attributes of it")
         if rights.is_ranked:
             rights.check_rank(self.agent, node.writer, name)
         links = self._links.get(name, NO_LINKS)
@@ -139,6 +162,8 @@ class Draft:
             self._end_frame(name)
         self.touched.add(("node", node.type))
         self.touched.update((name, attribute) for attribute in node.histories)
+        if self.notes is not None:
+            self._note(name, "node_deleted", type=node.type)
 
     def has_node(self, name: str) -> bool:
         """Return whether there is a node in the draft."""
@@ -161,11 +186,15 @@ class Draft:
     def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node, whoever may."""
         attribute = declared.model.name
-        history = self._written(node.histories.get(attribute), declared, node.name, value, evidence_s)
+        reading, history = self._written(node.histories.get(attribute), declared, node.name, value, evidence_s)
         histories = {**node.histories, attribute: history}
         name, type_name, number, _, writer, since_s = node
         self._nodes = self._nodes.with_entry(name, Node(name, type_name, number, histories, writer, since_s))
         self.touched.add((name, attribute))
+        if declared.variable:
+            self.shared.append(reading)
+        elif self.notes is not None:
+            self._note_reading(declared, reading)
 
     # Edges
 
@@ -190,6 +219,8 @@ class Draft:
                     edge_type.rights.check_rank(self.agent, known.writer, str(known))
                 self._edges = self._edges.with_entry(key, known._replace(writer=self.agent))
                 self.touched.add(("edge", type_name))
+                if self.notes is not None:
+                    self._note_edge(known, "edge_inserted")
             return
         start, end = self.node(origin), self.node(target)
         if not edge_type.fits(start, end):
@@ -226,9 +257,12 @@ class Draft:
         edge = self.edge(origin, type_name, target)
         declared = self._words.attribute_of_edge(edge, attribute)
         declared.rights.check(self.agent, str(edge), ".", attribute)
-        history = self._written(edge.histories.get(attribute), declared, str(edge), value, evidence_s)
+        subject = str(edge)
+        reading, history = self._written(edge.histories.get(attribute), declared, subject, value, evidence_s)
         self._edges = self._edges.with_entry(edge.key, edge._replace(histories={**edge.histories, attribute: history}))
         self.touched.add(("edge", type_name))
+        if self.notes is not None:
+            self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it is there, whoever may."""
@@ -264,6 +298,9 @@ class Draft:
         else:
             self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
         self.touched.add(("frame", target))
+        if self.notes is not None:
+            told = {"translation_m": list(pose.translation_m), "rotation": list(pose.rotation)}
+            self._note(f"{origin} -{type_name}-> {target}", "placed", label=RT, evidence_s=stamp_s, **told)
 
     def _place_anew(  # noqa: PLR0917 - what `place` was given
         self, edge_type: EdgeType, origin: str, target: str, pose: Pose, stamp_s: float, before: Edge | None
@@ -318,8 +355,8 @@ class Draft:
 
     def _written(
         self, history: History | None, declared: Attribute, subject: str, value: object, evidence_s: float | None
-    ) -> History:
-        """Return the history of an attribute with what is written now; None and NaN are unknown."""
+    ) -> tuple[Reading[Value], History]:
+        """Return what is written now, and the history of the attribute with it; None and NaN are unknown."""
         model, now_s = declared.model, self.now_s
         try:
             content = None if value is None else model.type.convert(value)
@@ -335,10 +372,11 @@ class Draft:
             history = History()
         elif declared.rights.is_ranked and self.agent != history.present.source and history.present.at(now_s).known:
             declared.rights.check_rank(self.agent, history.present.source, f"{subject}.{model.name}")
-        return history.with_reading(self._reading(declared, subject, content, float(evidence_s)), model.history)
+        reading = self._reading(declared, subject, content, float(evidence_s))
+        return reading, history.with_reading(reading, model.history)
 
     def _reading(self, declared: Attribute, subject: str, content: Value | None, evidence_s: float) -> Reading[Value]:
-        name, now_s = f"{subject}.{declared.model.name}", self.now_s
+        name, now_s = declared.variable or f"{subject}.{declared.model.name}", self.now_s
         if content is None:
             return Reading(
                 name=name,
@@ -360,6 +398,8 @@ class Draft:
         out, into = self._links.get(target, NO_LINKS)
         self._links = self._links.with_entry(target, Links(out, into.with_entry(key, None)))
         self.touched.add(("edge", type_name))
+        if self.notes is not None:
+            self._note_edge(edge, "edge_inserted")
 
     def _remove_edge(self, edge: Edge) -> None:
         if self._words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
@@ -377,6 +417,8 @@ class Draft:
         out, into = self._links[edge.target]
         self._links = self._links.with_entry(edge.target, Links(out, into.without(key)))
         self.touched.add(("edge", edge.type))
+        if self.notes is not None:
+            self._note_edge(edge, "edge_deleted")
 
     # Tasks
 
@@ -389,3 +431,28 @@ class Draft:
         self._handovers = {**self._handovers, handover.task: handover}
         if handover.is_open and handover.deadline_s < math.inf:
             self.deadlines.append((handover.deadline_s, handover))
+        if self.notes is not None and handover.stage is not None:
+            told = {"requester": handover.requester, "result": handover.result, "message": handover.reason or None}
+            deadline_s = handover.deadline_s if handover.deadline_s < math.inf else None
+            self._note(
+                handover.task,
+                str(handover.stage),
+                request=handover.number,
+                since_s=handover.since_s,
+                deadline_s=deadline_s,
+                **told,
+            )
+
+    # Notes for a journal
+
+    def _note(self, name: str, what: str, **details: object) -> None:
+        if self.notes is not None:
+            self.notes.append(Note(name, what, {"agent": self.agent, **details}))
+
+    def _note_edge(self, edge: Edge, what: str) -> None:
+        self._note(f"{edge.origin} -{edge.type}-> {edge.target}", what, type=edge.type, label=edge.label)
+
+    def _note_reading(self, declared: Attribute, reading: Reading[Value], subject: str = "") -> None:
+        until_s = reading.expires_s if reading.expires_s < math.inf else None
+        told = {"value": reading.content, "unit": declared.model.type.unit, "reason": reading.reason}
+        self._note(subject or reading.name, "written", evidence_s=reading.evidence_s, expires_s=until_s, **told)

@@ -8,29 +8,38 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, TypeVar
 
+from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
+from codra_dsl.runtime.knowledge.acting import Acting, RuleError
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.draft import Draft, Touched
+from codra_dsl.runtime.knowledge.elements import History
 from codra_dsl.runtime.knowledge.matching import reads
+from codra_dsl.runtime.knowledge.operations import Operation, operations_of
 from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
+from codra_dsl.runtime.knowledge.sharing import Refused, Sharing
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
-from codra_dsl.runtime.knowledge.watching import Change, Sight, Watch, Watches, of_attribute, of_matches
+from codra_dsl.runtime.knowledge.watching import Change, Sight, Watch, Watches, of_attribute, of_matches, of_wakes
 from codra_dsl.runtime.knowledge.words import Words
-from codra_dsl.runtime.knowledge.writing import AgentHandle, Transaction
+from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.subscriptions import Subscription
 
 ResultT = TypeVar("ResultT")
 SeenT = TypeVar("SeenT")
+
+MOST_PAST = 4_096
+"""Changes of the graph that `at` can go back."""
 
 
 class AgentTakenError(PermissionError):
@@ -44,27 +53,34 @@ class Knowledge:
         model: what was declared.
     """
 
-    def __init__(self, model: KnowledgeModel, *, clock: Clock) -> None:
+    def __init__(self, model: KnowledgeModel, *, clock: Clock, sharing: Sharing | None = None) -> None:
         """Make the graph that is there from the start.
 
         Args:
             model: what a spec was compiled to.
-            clock: real or simulated time.
+            clock: real or simulated time; not one that holds a lock while events happen.
+            sharing: what it has in common with a context manager; None if it is a graph by itself.
 
         Raises:
             ValueError: if the declarations contradict each other.
             LookupError: if they use what they do not declare.
         """
-        self.model = model
-        self._words = Words(model)
+        self._words = Words(model, () if sharing is None else sharing.variables)
+        self.model = self._words.model
         self._clock = clock
         self._now_s = clock.now_s
-        self._lock = threading.Lock()
+        self._sharing = sharing
+        # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
+        self._steps: Clock = clock if sharing is None else sharing.steps
+        self._turn: AbstractContextManager[object] = threading.Lock() if sharing is None else sharing.steps
         self._state = State()
+        self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
+        self._held: list[Reading[Value]] = []
         self._audit = Audit()
         self._watches = Watches()
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
-        self._write(START, partial(_begin, model))
+        self._handles_lock = threading.Lock()
+        self._write(START, partial(_begin, self.model))
 
     # Writing
 
@@ -79,14 +95,15 @@ class Knowledge:
         """
         if name not in self._words.agents:
             raise unknown("agent", name, self._words.agents)
-        with self._lock:
-            if name in self._handles:
-                why = f"the agent {name!r} is taken: its handle must be closed before there is another"
-                self._audit.refuse(Refusal(instant_s=self._now_s(), agent=name, why=why))
-                raise AgentTakenError(why)
-            handle = self._handle(name)
-            self._handles[name] = handle
-        return handle
+        with self._handles_lock:
+            if name not in self._handles:
+                handle = self._handle(name)
+                self._handles[name] = handle
+                return handle
+        why = f"the agent {name!r} is taken: its handle must be closed before there is another"
+        with self._turn:
+            self._refuse(name, Refused(name, why))
+        raise AgentTakenError(why)
 
     def refusals(self) -> tuple[Refusal, ...]:
         """Return the writes that were refused, the oldest first, as far as the audit goes back."""
@@ -97,6 +114,21 @@ class Knowledge:
     def snapshot(self) -> Snapshot:
         """Return the graph as it is now, for good."""
         return Snapshot(self._words, self._state, self._now_s())
+
+    def at(self, instant_s: float) -> Snapshot:
+        """Return the graph as it was at an instant, with what was known of it then.
+
+        Raises:
+            ValueError: if the instant lies in the future, or before all that is still held.
+        """
+        if not instant_s <= self._now_s():
+            raise ValueError(f"it is {self._now_s()} now: what is at {instant_s} is not known yet")
+        with self._turn:
+            found = next((state for since_s, state in reversed(self._past) if since_s <= instant_s), None)
+            begin_s = self._past[0][0]
+        if found is None:
+            raise ValueError(f"the graph is held from {begin_s} s on, not from {instant_s}: a journal has the rest")
+        return Snapshot(self._words, found, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
         """Return what is known of an attribute of a node now; it raises what `Snapshot.get` does."""
@@ -140,57 +172,181 @@ class Knowledge:
         self.snapshot().match(*patterns)
         return self._clock.wait_until(lambda: self.snapshot().holds(*patterns), timeout_s)
 
+    # For the context manager and for replays
+
+    def mirror(self, reading: Reading[Value]) -> None:
+        """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
+        if any(each is reading for each in self._held):
+            return  # it is in the graph already, with all that was written with it
+        name = reading.name
+        node = self._state.nodes[self._words.variables[name]]
+        most = self._words.attribute(node, name).model.history
+        history = node.histories.get(name, History()).with_reading(reading, most)
+        nodes = self._state.nodes.with_entry(node.name, node._replace(histories={**node.histories, name: history}))
+        self._hold(self._state._replace(version=self._state.version + 1, nodes=nodes))
+        self._watches.changed([(node.name, name)])
+
+    def take_down(self, agent: str, why: str) -> None:
+        """Take down, for the audit, a write of a context-variable that the context has refused and told."""
+        self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
+
+    def redo(self, agent: str, plain: Iterable[list[Any]]) -> None:
+        """Do again, as one, what a journal tells that an agent did.
+
+        Raises:
+            LookupError: if it cannot be done; ValueError, TypeError, PermissionError and RuntimeError likewise.
+        """
+        operations = operations_of(plain)
+
+        def do(draft: Draft) -> None:
+            for operation in operations:
+                operation.apply(self._words, draft)
+
+        self._write(agent, do, operations)
+
+    def refuse_again(self, agent: str, refused: Refused) -> None:
+        """Tell again what a journal tells of a write that was refused."""
+        with self._turn:
+            self._refuse(agent, refused)
+
     # Within
 
     def _handle(self, name: str) -> AgentHandle:
         closed = threading.Event()
 
-        def commit(change: Callable[[Draft], ResultT]) -> ResultT:
+        def check() -> None:
             if closed.is_set():
                 raise PermissionError(f"this handle of the agent {name!r} is closed")
-            return self._write(name, change)
+
+        def commit(operation: Operation) -> Any:
+            check()
+            return self._write(name, partial(operation.apply, self._words), (operation,))
 
         def close() -> None:
             if not closed.is_set():
                 closed.set()
-                with self._lock:
+                with self._handles_lock:
                     self._handles.pop(name, None)
 
-        return AgentHandle(name, self._words, commit, lambda: self._transaction(name, commit), close)
+        means = Means(
+            commit=commit,
+            transact=lambda: self._transaction(name, check),
+            wake=partial(self._on_wake, name),
+            act=partial(self._acting, name),
+            close=close,
+            check_open=check,
+        )
+        return AgentHandle(name, means)
+
+    def _on_wake(self, agent: str, callback: Callable[[Change], object]) -> Subscription:
+        wakes = tuple(pattern for each in self.model.agents if each.name == agent for pattern in each.wakes)
+        return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback))
+
+    def _acting(self, agent: str, name: str) -> Acting:
+        rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
+        if name not in rules:
+            raise unknown(f"rule of {agent!r}", name, rules)
+        return Acting(
+            rules[name],
+            begin=partial(self._begin_rule, agent, name),
+            take=self.snapshot,
+            tell=partial(self.tell_rule, agent, name),
+            subscribe=self.subscribe,
+        )
+
+    def _begin_rule(self, agent: str, name: str, lacking: Callable[[Snapshot], str]) -> None:
+        """Refuse to begin what a rule does not allow in the present graph."""
+        with self._turn:
+            missing = lacking(Snapshot(self._words, self._state, self._steps.now_s()))
+            if missing:
+                why = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
+                self._refuse(agent, Refused(f"{agent}.{name}", why))
+                raise RuleError(why)
+
+    def tell_rule(self, agent: str, name: str, became: str, message: str) -> None:
+        """Tell the journal what became of a rule of an agent."""
+        if self._sharing is not None:
+            with self._turn:
+                self._sharing.tell_rule(agent, name, became, message)
 
     @contextmanager
-    def _transaction(self, name: str, commit: Callable[[Callable[[Draft], None]], None]) -> Iterator[Transaction]:
+    def _transaction(self, name: str, check: Callable[[], None]) -> Iterator[Transaction]:
         base = self._state
         draft = Draft(self._words, base, self._now_s(), name)
-        transaction = Transaction(self._words, lambda change: self._audited(draft, change))
+
+        def attempt(operation: Operation) -> Any:
+            with self._turn:  # histories grow in one thread at a time
+                return self._audited(draft, partial(operation.apply, self._words))
+
+        transaction = Transaction(attempt)
         try:
             yield transaction
         finally:
             transaction.end()
         transaction.check()
         if draft.touched:
-            commit(lambda present: present.take(draft) if present.is_of(base) else transaction.again(present))
+            check()
+            self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
 
-    def _write(self, agent: str, change: Callable[[Draft], ResultT]) -> ResultT:
+    def _take(self, base: State, draft: Draft, transaction: Transaction, present: Draft) -> None:
+        """Take over what a transaction has made of the graph; make it again if that is not the present graph.
+
+        In a step of a context manager it is made again in any case, so that all of it is of the instant of the step.
+        """
+        if self._sharing is None and present.is_of(base):
+            present.take(draft)
+        else:
+            transaction.again(self._words, present)
+
+    def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
-        with self._lock:
-            draft = Draft(self._words, self._state, self._now_s(), agent)
+        sharing = self._sharing
+        with self._turn:
+            draft = Draft(self._words, self._state, self._steps.now_s(), agent, None if sharing is None else [])
             result = self._audited(draft, change)
             if draft.touched:
-                self._state = draft.state()
-        if draft.touched:
-            for instant_s, handover in draft.deadlines:
-                self._clock.call_at(instant_s, partial(self._expire, handover.task))
-            self._watches.changed(draft.touched)
-            self._clock.notify()
+                if sharing is None:
+                    self._hold(draft.state())
+                else:
+                    self._commit(draft, operations, sharing)
+                for instant_s, handover in draft.deadlines:
+                    self._steps.call_at(instant_s, partial(self._expire, handover.task))
+                self._watches.changed(draft.touched)
+                self._clock.notify()
         return result
+
+    def _commit(self, draft: Draft, operations: Sequence[Operation], sharing: Sharing) -> None:
+        """Put what a draft has become in the place of the present state, and tell the context and the journal."""
+        sharing.tell_input(draft.agent, operations)
+        self._hold(draft.state())
+        self._held = draft.shared
+        try:
+            sharing.commit(draft, self._state.version)
+        finally:
+            self._held = []
+
+    def _hold(self, state: State) -> None:
+        """Put another state in the place of the present one."""
+        self._state = state
+        self._past.append((self._steps.now_s(), state))
 
     def _audited(self, draft: Draft, change: Callable[[Draft], ResultT]) -> ResultT:
         try:
             return change(draft)
         except PermissionError as error:
-            self._audit.refuse(Refusal(instant_s=draft.now_s, agent=draft.agent, why=str(error)))
+            self._refuse(draft.agent, self._refused(draft.operation, str(error)))
             raise
+
+    def _refused(self, operation: Operation, why: str) -> Refused:
+        if self._sharing is None:
+            return Refused(operation.subject, why)
+        return self._sharing.refused(operation, why, self._words.variables)
+
+    def _refuse(self, agent: str, refused: Refused) -> None:
+        """Take down a refusal; the caller has the turn."""
+        self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused.why))
+        if self._sharing is not None:
+            self._sharing.refuse(agent, refused)
 
     def _expire(self, task: str) -> None:
         self._write(START, lambda draft: handshake.expire(self._words, draft, task))

@@ -11,6 +11,7 @@ from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.draft import Touched
+from codra_dsl.runtime.knowledge.elements import EdgeKey
 from codra_dsl.runtime.knowledge.matching import ANY, Match, next_s
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.words import Words
@@ -40,6 +41,10 @@ class Sight(NamedTuple, Generic[SeenT]):
 
     seen: SeenT
     next_s: float = math.inf
+
+
+_Woken = tuple[tuple[int, Match, tuple[int, ...]], ...]
+"""What wakes an agent: by the number of its pattern, a way in which it holds, and the numbers of the edges."""
 
 
 class Watch(Generic[SeenT]):
@@ -170,6 +175,41 @@ def of_matches(
             callback(Change(snapshot, present, new, over))
 
     return look, tell
+
+
+def of_wakes(
+    words: Words, wakes: Sequence[Pattern], callback: Callable[[Change], object]
+) -> tuple[Callable[[Snapshot], Sight[_Woken]], Callable[[Snapshot, _Woken], None]]:
+    """Return how a watch of what wakes an agent looks and tells: each pattern wakes by itself, when it comes to hold.
+
+    An edge that was deleted and drawn again is another edge, so a task that is asked for once more wakes once more.
+    An agent that nothing wakes is called once, and is active from then on.
+    """
+
+    def look(snapshot: Snapshot) -> Sight[_Woken]:
+        seen = tuple(
+            (number, match, tuple(_number_of(snapshot, key) for key in match.edges))
+            for number, pattern in enumerate(wakes)
+            for match in snapshot.match(pattern)
+        )
+        return Sight(seen, min((next_s(snapshot, words, [pattern]) for pattern in wakes), default=math.inf))
+
+    before: _Woken = ()
+
+    def tell(snapshot: Snapshot, present: _Woken) -> None:
+        nonlocal before
+        new = tuple(each[1] for each in present if each not in before)
+        over = tuple(each[1] for each in before if each not in present)
+        before = present
+        if new or not wakes:
+            callback(Change(snapshot, tuple(each[1] for each in present), new, over))
+
+    return look, tell
+
+
+def _number_of(snapshot: Snapshot, key: EdgeKey) -> int:
+    edge = snapshot.edge_of(key)
+    return -1 if edge is None else edge.number
 
 
 def of_attribute(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from codra_dsl.runtime.declarations import MAIN, OBSERVER
 from codra_dsl.runtime.knowledge.declarations import (
+    CONTEXT,
     RT,
     TASK,
     AttributeModel,
@@ -19,7 +21,7 @@ from codra_dsl.runtime.knowledge.declarations import (
 )
 from codra_dsl.runtime.knowledge.elements import Edge, Node
 from codra_dsl.runtime.knowledge.rights import Rights
-from codra_dsl.runtime.model import integer, member, text
+from codra_dsl.runtime.model import VariableModel, integer, member, text
 from codra_dsl.runtime.names import unknown
 
 
@@ -34,10 +36,15 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Attribute:
-    """An attribute as it is declared, and who may write it."""
+    """An attribute as it is declared, and who may write it.
+
+    Attributes:
+        variable: the context-variable that it is; empty if it is none.
+    """
 
     model: AttributeModel
     rights: Rights
+    variable: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,16 +78,27 @@ class Words:
     """What the declarations say, by name.
 
     Attributes:
+        model: what is declared, with the node of the context-variables that say no other.
         tasks: by name.
         agents: the names of all that are declared or that may write something.
+        variables: by name, the node of which a context-variable is an attribute.
+        nodes_of_context: these nodes.
     """
 
-    def __init__(self, model: KnowledgeModel) -> None:
+    def __init__(self, model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> None:
         """Look up all that a spec says of its graph.
+
+        Args:
+            model: what is declared of it.
+            variables: those of the context. Each is an attribute of the node that declares one of the same name as its
+                own, or else of the node `context`.
 
         Raises:
             ValueError: if a name is declared twice, or is one that tasks bring along.
         """
+        self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
+        self.nodes_of_context = frozenset(self.variables.values())
+        self.model = model = _with_context_node(model, self.variables)
         self.tasks: Mapping[str, TaskModel] = {task.name: task for task in model.tasks}
         node_types, edge_types = list(model.node_types), list(model.edge_types)
         if model.tasks:
@@ -91,12 +109,14 @@ class Words:
         _check_unique("type of edges", [each.name for each in edge_types])
         self._node_types = {each.name: _node_type(each) for each in node_types}
         self._edge_types = {each.name: _edge_type(each) for each in edge_types}
-        of_tasks = {task.name: (TASK, _attributes_of(task)) for task in model.tasks}
+        shared = _shared(self.variables, variables)
+        of_tasks = {task.name: (TASK, {**_attributes_of(task), **shared.get(task.name, {})}) for task in model.tasks}
         self._of_nodes: Mapping[str, tuple[str, Mapping[str, Attribute]]] = {
-            **{node.name: (node.type, self._of_node(node.type, node.attributes)) for node in model.nodes},
+            **{node.name: (node.type, self._of_node(node, shared.get(node.name, {}))) for node in model.nodes},
             **of_tasks,
         }
-        self.agents = frozenset(_agents(model))
+        writers = (source for variable in variables for source in variable.sources)
+        self.agents = frozenset((*_agents(model), *writers)) - {MAIN, OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
         """Return a type of nodes; raise `UnknownNameError` if there is none."""
@@ -148,8 +168,40 @@ class Words:
             raise unknown(f"attribute of {edge.type!r}", name, self._edge_types[edge.type].attributes)
         return found
 
-    def _of_node(self, type_name: str, own: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
-        return {**self.node_type(type_name).attributes, **_attributes(own)}
+    def _of_node(self, node: NodeModel, shared: Mapping[str, Attribute]) -> Mapping[str, Attribute]:
+        return {**self.node_type(node.type).attributes, **_attributes(node.attributes), **shared}
+
+
+def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> KnowledgeModel:
+    """Return a model with the node of the context-variables that say no other, if there are any."""
+    if CONTEXT not in variables.values() or any(node.name == CONTEXT for node in model.nodes):
+        return model
+    types = model.node_types
+    if all(each.name != CONTEXT for each in types):
+        types = (*types, NodeTypeModel(name=CONTEXT))
+    return replace(model, node_types=types, nodes=(NodeModel(name=CONTEXT, type=CONTEXT), *model.nodes))
+
+
+def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
+    """Return, by context-variable, its node: the one that declares it as an attribute of its own, or `context`."""
+    owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
+    declared = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
+    return {variable.name: declared.get(variable.name, CONTEXT) for variable in variables}
+
+
+def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Mapping[str, Mapping[str, Attribute]]:
+    """Return the attributes of nodes that are context-variables, by node and name."""
+    found: dict[str, dict[str, Attribute]] = {}
+    for each in variables:
+        model = AttributeModel(
+            name=each.name,
+            type=each.type,
+            sources=by(*each.sources),
+            valid_for_s=each.valid_for_s,
+            history=each.history,
+        )
+        found.setdefault(nodes[each.name], {})[each.name] = Attribute(model, Rights(model.sources), each.name)
+    return found
 
 
 def _node_type(model: NodeTypeModel) -> NodeType:

@@ -5,17 +5,21 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Any, Self, TypeVar
+from dataclasses import dataclass
+from typing import Any, Self
 
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import handshake
+from codra_dsl.runtime.knowledge.acting import Acting
 from codra_dsl.runtime.knowledge.draft import Draft
+from codra_dsl.runtime.knowledge.handshake import ConflictError
+from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.knowledge.state import Request
+from codra_dsl.runtime.knowledge.watching import Change
 from codra_dsl.runtime.knowledge.words import Words
+from codra_dsl.runtime.subscriptions import Subscription
 
-ResultT = TypeVar("ResultT")
-Apply = Callable[[Callable[[Draft], Any]], Any]
-"""Applies a change to the graph and returns what the change returns."""
+Apply = Callable[[Operation], Any]
+"""Applies an operation to the graph and returns what the agent is told."""
 
 
 class Writer(ABC):
@@ -26,14 +30,11 @@ class Writer(ABC):
     for nodes and edges that are not there, and `NotOfTypeError` for values that are not what is declared.
     """
 
-    __slots__ = ("_words",)
-
-    def __init__(self, words: Words) -> None:
-        self._words = words
+    __slots__ = ()
 
     @abstractmethod
-    def _apply(self, change: Callable[[Draft], ResultT]) -> ResultT:
-        """Apply a change and return what it returns."""
+    def _apply(self, operation: Operation) -> Any:
+        """Apply an operation and return what the agent is told."""
 
     def insert_node(self, name: str, type: str, /, **values: object) -> None:
         """Insert a node, with values of some of its attributes.
@@ -41,11 +42,11 @@ class Writer(ABC):
         Raises:
             PresentError: if there is a node of this name.
         """
-        self._apply(lambda draft: draft.insert_node(name, type, values))
+        self._apply(Operation(Verb.INSERT_NODE, (name, type, values)))
 
     def delete_node(self, name: str) -> None:
         """Delete a node, and all edges to and from it, whoever wrote them."""
-        self._apply(lambda draft: draft.delete_node(name))
+        self._apply(Operation(Verb.DELETE_NODE, (name,)))
 
     def set(self, name: str, attribute: str, value: object, *, evidence_s: float | None = None) -> None:
         """Write an attribute of a node.
@@ -59,7 +60,7 @@ class Writer(ABC):
         Raises:
             ValueError: if the evidence lies in the future.
         """
-        self._apply(lambda draft: draft.set(name, attribute, value, evidence_s))
+        self._apply(Operation(Verb.SET, (name, attribute, value, evidence_s)))
 
     def insert_edge(self, origin: str, type: str, target: str, /, **values: object) -> None:
         """Insert an edge, or write attributes of the one that is there.
@@ -67,17 +68,17 @@ class Writer(ABC):
         Raises:
             ValueError: if edges of this type have a pose: these are placed.
         """
-        self._apply(lambda draft: draft.insert_edge(origin, type, target, values))
+        self._apply(Operation(Verb.INSERT_EDGE, (origin, type, target, values)))
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
         """Delete an edge. A node that stood in another by it stands nowhere from now on."""
-        self._apply(lambda draft: draft.delete_edge(origin, type, target))
+        self._apply(Operation(Verb.DELETE_EDGE, (origin, type, target)))
 
     def set_of_edge(
         self, origin: str, type: str, target: str, attribute: str, value: object, *, evidence_s: float | None = None
     ) -> None:
         """Write an attribute of an edge, as `set` does of a node."""
-        self._apply(lambda draft: draft.set_of_edge(origin, type, target, attribute, value, evidence_s))
+        self._apply(Operation(Verb.SET_OF_EDGE, (origin, type, target, attribute, value, evidence_s)))
 
     def place(self, origin: str, type: str, target: str, pose: Pose, *, stamp_s: float | None = None) -> None:
         """Say where a node stands in another, from an instant on.
@@ -95,7 +96,7 @@ class Writer(ABC):
             FrameError: if the origin stands in the target at that time.
             ValueError: if the stamp lies in the future, the pose is no rigid motion, or the type of edges has none.
         """
-        self._apply(lambda draft: draft.place(origin, type, target, pose, stamp_s))
+        self._apply(Operation(Verb.PLACE, (origin, type, target, pose, stamp_s)))
 
     # Tasks (P2, section 3.2)
 
@@ -105,7 +106,8 @@ class Writer(ABC):
         Raises:
             ConflictError: if it was asked for and has not ended.
         """
-        return self._apply(lambda draft: handshake.request(self._words, draft, task, values))
+        request: Request = self._apply(Operation(Verb.REQUEST, (task, values)))
+        return request
 
     def acknowledge(self, request: Request) -> None:
         """Say, as its executor, that a task has begun.
@@ -113,7 +115,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or not one that waits.
         """
-        self._apply(lambda draft: handshake.acknowledge(self._words, draft, request))
+        self._apply(Operation(Verb.ACKNOWLEDGE, (request,)))
 
     def finish(self, request: Request, result: str) -> None:
         """End a task, as its executor, with one of its results.
@@ -121,7 +123,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has not begun or has ended.
         """
-        self._apply(lambda draft: handshake.finish(self._words, draft, request, result))
+        self._apply(Operation(Verb.FINISH, (request, result)))
 
     def abort(self, request: Request) -> None:
         """End a task, as who asked for it.
@@ -129,7 +131,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has ended.
         """
-        self._apply(lambda draft: handshake.abort(self._words, draft, request))
+        self._apply(Operation(Verb.ABORT, (request,)))
 
 
 class Transaction(Writer):
@@ -139,30 +141,33 @@ class Transaction(Writer):
     far. If the graph has changed by the end, it is all done again on what is there then.
     """
 
-    __slots__ = ("_attempt", "_changes", "_error", "_is_over")
+    __slots__ = ("_attempt", "_done", "_error", "_is_over")
 
-    def __init__(self, words: Words, attempt: Apply) -> None:
+    def __init__(self, attempt: Apply) -> None:
         """Begin with no change.
 
         Args:
-            words: what is declared.
-            attempt: makes a change in a draft that nobody else sees.
+            attempt: applies an operation to a draft that nobody else sees.
         """
-        super().__init__(words)
         self._attempt = attempt
-        self._changes: list[tuple[Callable[[Draft], Any], Any]] = []
+        self._done: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
         self._is_over = False
 
-    def _apply(self, change: Callable[[Draft], ResultT]) -> ResultT:
+    @property
+    def operations(self) -> tuple[Operation, ...]:
+        """Return what has been done in it so far."""
+        return tuple(operation for operation, _ in self._done)
+
+    def _apply(self, operation: Operation) -> Any:
         if self._is_over:
             raise PermissionError("this transaction is over: begin another")
         try:
-            result: ResultT = self._attempt(change)
+            result = self._attempt(operation)
         except BaseException as error:
             self._error = error
             raise
-        self._changes.append((change, result))
+        self._done.append((operation, result))
         return result
 
     def end(self) -> None:
@@ -174,44 +179,52 @@ class Transaction(Writer):
         if self._error is not None:
             raise self._error
 
-    def again(self, draft: Draft) -> None:
+    def again(self, words: Words, draft: Draft) -> None:
         """Make all changes in another draft.
 
         Raises:
             ConflictError: if that gives another result than the program was told.
         """
-        for change, result in self._changes:
-            if change(draft) != result:
-                raise handshake.ConflictError("the task was handed over otherwise while the transaction was made")
+        for operation, result in self._done:
+            if operation.apply(words, draft) != result:
+                raise ConflictError("the task was handed over otherwise while the transaction was made")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Means:
+    """By what the handle of an agent does its work.
+
+    Attributes:
+        commit: applies an operation as this agent.
+        transact: begins a transaction of this agent.
+        wake: calls back when the agent is to wake.
+        act: returns the action of a rule, by its name.
+        close: is called when the handle is not used any more.
+        check_open: raises `PermissionError` from then on.
+    """
+
+    commit: Apply
+    transact: Callable[[], AbstractContextManager[Transaction]]
+    wake: Callable[[Callable[[Change], object]], Subscription]
+    act: Callable[[str], Acting]
+    close: Callable[[], None]
+    check_open: Callable[[], None]
 
 
 class AgentHandle(Writer):
     """The handle of one agent: what it writes carries its name, and no other handle of this name is open."""
 
-    __slots__ = ("__weakref__", "_close", "_commit", "_name", "_transact")
+    __slots__ = ("__weakref__", "_means", "_name")
 
-    def __init__(
-        self,
-        name: str,
-        words: Words,
-        commit: Apply,
-        transact: Callable[[], AbstractContextManager[Transaction]],
-        close: Callable[[], None],
-    ) -> None:
+    def __init__(self, name: str, means: Means) -> None:
         """Write for an agent.
 
         Args:
             name: of the agent.
-            words: what is declared.
-            commit: applies a change as this agent.
-            transact: begins a transaction of this agent.
-            close: called when the handle is not used any more.
+            means: by which it does so.
         """
-        super().__init__(words)
         self._name = name
-        self._commit = commit
-        self._transact = transact
-        self._close = close
+        self._means = means
 
     @property
     def name(self) -> str:
@@ -226,12 +239,37 @@ class AgentHandle(Writer):
 
     def close(self) -> None:
         """Write no more with this handle; the agent can be taken again."""
-        self._close()
+        self._means.close()
+
+    def check_open(self) -> None:
+        """Do nothing while the handle is open.
+
+        Raises:
+            PermissionError: once it is closed.
+        """
+        self._means.check_open()
 
     def transaction(self) -> AbstractContextManager[Transaction]:
         """Begin changes that become visible together at the end of the `with` statement; none does if one fails."""
-        return self._transact()
+        return self._means.transact()
 
-    def _apply(self, change: Callable[[Draft], ResultT]) -> ResultT:
-        result: ResultT = self._commit(change)
-        return result
+    def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
+        """Call back when what wakes this agent comes to hold, and first if it holds now; else once, at once.
+
+        The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
+        as an event at the instant of the change, which must not wait. What it raises is logged. While it runs the graph
+        may change; it is then called once more, with how things are.
+        """
+        return self._means.wake(callback)
+
+    def acting(self, rule: str) -> Acting:
+        """Begin, by a `with` statement, an action of which a rule of this agent tells.
+
+        Raises:
+            UnknownNameError: if the agent has no such rule.
+            RuleError: at the beginning of the statement, if what must hold before does not.
+        """
+        return self._means.act(rule)
+
+    def _apply(self, operation: Operation) -> Any:
+        return self._means.commit(operation)

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from codra_dsl.runtime.replay.comparison import Difference, Replayed
-from codra_dsl.runtime.replay.playing import Build, replay
+from codra_dsl.runtime.replay.playing import Build, knowledge_at, replay
 
-__all__ = ["Build", "Difference", "Replayed", "replay"]
+__all__ = ["Build", "Difference", "Replayed", "knowledge_at", "replay"]

@@ -7,6 +7,7 @@ the same code as in the run, so a difference means that the spec, the runtime or
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -17,6 +18,8 @@ from codra_dsl.runtime.inputs import Inputs
 from codra_dsl.runtime.journal.events import Event, Kind
 from codra_dsl.runtime.journal.head import Head
 from codra_dsl.runtime.journal.record import Record
+from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
+from codra_dsl.runtime.knowledge.sharing import Refused
 from codra_dsl.runtime.model import ContextModel
 from codra_dsl.runtime.outline_changes import changes_near
 from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
@@ -37,7 +40,7 @@ class _Player:
         self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, events: Sequence[Event]
     ) -> None:
         self._inputs: Inputs = manager.inputs
-        self._close = manager.close
+        self._manager = manager
         self._jobs = jobs
         self._variables = frozenset(variable.name for variable in model.variables)
         self._skills = frozenset(skill.name for skill in model.skills)
@@ -56,7 +59,7 @@ class _Player:
         try:
             with contextlib.suppress(PermissionError, ValueError):
                 self._apply(event, details)
-        except (LookupError, TypeError) as error:
+        except (LookupError, TypeError, ConflictError) as error:
             raise DivergedError(
                 f"{event.what} of {event.name} cannot be taken: {type(error).__name__} {error}"
             ) from error
@@ -100,13 +103,13 @@ class _Player:
             case "delivered":
                 self._jobs.deliver((event.name, details["index"]))
             case "close":
-                self._close()
+                self._manager.close()
             case _:
-                self._decide(event.what, details)
+                self._decide(event, details)
 
-    def _decide(self, what: str, details: Mapping[str, Any]) -> None:
+    def _decide(self, event: Event, details: Mapping[str, Any]) -> None:
         number = details.get("number", 0)
-        match what:
+        match event.what:
             case "decide":
                 asked = {key: part for key, part in details.items() if key not in _PLACE}
                 self._decisions[number] = self._inputs.ask(Demand(**asked))
@@ -115,11 +118,26 @@ class _Player:
             case "found":
                 found = self._decisions.pop(number)
                 self._inputs.conclude(found, details.get("value"), details.get("raised"))
+            case "graph":
+                self._manager.knowledge.redo(event.name, json.loads(details["operations"]))
+            case "refused":
+                about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
+                self._manager.knowledge.refuse_again(event.name, Refused(*about))
+            case "rule":
+                told = (details["rule"], details["became"], details.get("message", ""))
+                self._manager.knowledge.tell_rule(event.name, *told)
             case _:
                 pass
 
 
-def replay(head: Head, events: Sequence[Event], model: ContextModel, build: Build, copy: Record | None) -> Replayed:
+def replay(  # noqa: PLR0917 - a journal, and what a package holds
+    head: Head,
+    events: Sequence[Event],
+    model: ContextModel,
+    build: Build,
+    copy: Record | None,
+    knowledge: KnowledgeModel | None = None,
+) -> Replayed:
     """Derive the events of a run anew, and compare them with those of its journal.
 
     Args:
@@ -128,19 +146,10 @@ def replay(head: Head, events: Sequence[Event], model: ContextModel, build: Buil
         model: what the spec is compiled to.
         build: makes its context manager.
         copy: takes what is derived, e.g. a `Journal`; it becomes the same, byte for byte, if nothing differs.
+        knowledge: what the spec says of a knowledge graph, if it does.
     """
-    jobs = ReplayedJobs(events)
-    clock = ReplayedClock(head.start_s, jobs)
     comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
-    handles = {resource.name: None for resource in model.resources if resource.slots is None}
-    manager = build(model, clock=clock, resources=handles, seed=head.seed, record=comparison, find=jobs.find)
-    inputs = [event for event in events if event.kind is Kind.INPUT]
-    player, because = _Player(manager, model, jobs, inputs), ""
-    try:
-        _play(player, clock, comparison, [event for event in inputs if "work" not in event.details])
-        _run_on(clock, comparison, events[-1].instant_s if events else head.start_s)
-    except DivergedError as error:
-        because = str(error)
+    _, _, because = _played(head, events, model, build, comparison, knowledge)
     comparison.miss(because)
     comparison.end()
     return Replayed(
@@ -149,6 +158,56 @@ def replay(head: Head, events: Sequence[Event], model: ContextModel, build: Buil
         absent=comparison.absent(),
         difference=_with_changes(comparison, head),
     )
+
+
+def knowledge_at(
+    head: Head, events: Sequence[Event], model: ContextModel, knowledge: KnowledgeModel, instant_s: float
+) -> Snapshot:
+    """Return the knowledge graph as it was at an instant of a run, made again from the run's journal.
+
+    Args:
+        head: of the journal.
+        events: of the journal.
+        model: what the spec is compiled to.
+        knowledge: what it says of the graph.
+        instant_s: of the run.
+
+    Raises:
+        ValueError: if the run had not begun at that instant, or the journal does not follow from its inputs.
+    """
+    if instant_s < head.start_s:
+        raise ValueError(f"the run begins at {head.start_s}, so nothing is known of {instant_s}")
+    until = [event for event in events if event.instant_s <= instant_s]
+    comparison = Comparison([event for event in until if event.kind is not Kind.INPUT], None)
+    manager, clock, because = _played(head, until, model, ContextManager, comparison, knowledge)
+    if comparison.difference is not None or because:
+        raise ValueError(f"the journal does not follow from its inputs: {because or comparison.difference}")
+    clock.advance(instant_s)
+    return manager.knowledge.at(instant_s)
+
+
+def _played(  # noqa: PLR0917 - what `replay` was given
+    head: Head,
+    events: Sequence[Event],
+    model: ContextModel,
+    build: Build,
+    comparison: Comparison,
+    knowledge: KnowledgeModel | None,
+) -> tuple[ContextManager[Any, Any], ReplayedClock, str]:
+    """Make a context manager take the inputs of a journal; return it, its time, and why it could go on no further."""
+    jobs = ReplayedJobs(events)
+    clock = ReplayedClock(head.start_s, jobs)
+    handles = {resource.name: None for resource in model.resources if resource.slots is None}
+    about = {"clock": clock, "resources": handles, "seed": head.seed, "record": comparison, "find": jobs.find}
+    manager = build(model, **about, knowledge=knowledge)
+    inputs = [event for event in events if event.kind is Kind.INPUT]
+    player = _Player(manager, model, jobs, inputs)
+    try:
+        _play(player, clock, comparison, [event for event in inputs if "work" not in event.details])
+        _run_on(clock, comparison, events[-1].instant_s if events else head.start_s)
+    except DivergedError as error:
+        return manager, clock, str(error)
+    return manager, clock, ""
 
 
 def _with_changes(comparison: Comparison, head: Head) -> Difference | None:

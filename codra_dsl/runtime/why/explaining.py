@@ -9,6 +9,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.outline import AlgorithmOutline, Outline, Rule
+from codra_dsl.runtime.why.knowing import explain_knowledge
 from codra_dsl.runtime.why.story import doing, story
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
 from codra_dsl.runtime.why.wanting import wanted
@@ -17,16 +18,27 @@ Ledgers = Callable[[float], Ledger]
 """What the events up to an instant come to."""
 
 
-def explain(outline: Outline, ledgers: Ledgers, variable: str, at_s: float) -> Why:
+def explain(outline: Outline, ledgers: Ledgers, name: str, at_s: float) -> Why:
     """Return why a variable is what it is at an instant, with the chain through all that led to it.
+
+    Of knowledge it tells who wrote it last, in which change, and what was refused.
 
     Args:
         outline: what the spec says.
         ledgers: tells what had happened up to an instant.
-        variable: of the spec.
+        name: of a variable of the spec, or of knowledge: a node, `node.attribute`, an edge as `origin -edge-> target`,
+            or a task.
         at_s: the instant.
+
+    Raises:
+        UnknownNameError: if there is no such variable, and nothing had become of such knowledge by then.
     """
-    return _Explanation(outline, ledgers).why(variable, at_s, ())
+    node, _, attribute = name.rpartition(".")
+    if node and outline.nodes.get(attribute) == node:
+        name = attribute  # a context-variable, by its other name
+    if name in outline.variables:
+        return _Explanation(outline, ledgers).why(name, at_s, ())
+    return explain_knowledge(outline, ledgers(at_s), name, at_s)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,116 @@
+"""Agents at work: what wakes them, and how their rules are kept (P2, section 3.1: before, during, after)."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from enum import StrEnum
+from typing import Self
+
+from codra_dsl.runtime.knowledge.declarations import Pattern, RuleModel
+from codra_dsl.runtime.knowledge.snapshot import Snapshot
+from codra_dsl.runtime.knowledge.watching import Change
+from codra_dsl.runtime.subscriptions import Subscription
+
+
+class RuleError(PermissionError):
+    """An agent would have begun what its rule does not allow now."""
+
+
+class Became(StrEnum):
+    """What becomes of a rule of an agent."""
+
+    BEGUN = "begun"
+    BROKEN = "broken"
+    FULFILLED = "fulfilled"
+    UNFULFILLED = "unfulfilled"
+
+
+class Acting:
+    """A rule of an agent under way, from the beginning to the end of a `with` statement.
+
+    What must hold before is enforced: the action does not begin without it. What must hold during and after is
+    observed: whether it does stands in `became`, and in the record.
+
+    Attributes:
+        rule: as it is declared.
+        became: the latest of what became of it; None before it has begun.
+    """
+
+    def __init__(
+        self,
+        rule: RuleModel,
+        *,
+        begin: Callable[[Callable[[Snapshot], str]], None],
+        take: Callable[[], Snapshot],
+        tell: Callable[[Became, str], None],
+        subscribe: Callable[..., Subscription],
+    ) -> None:
+        """Be ready to begin.
+
+        Args:
+            rule: as it is declared.
+            begin: is told how to find what is lacking; it raises `RuleError` if something is.
+            take: takes a snapshot of the present.
+            tell: tells the record what became of the rule.
+            subscribe: subscribes to patterns.
+        """
+        self.rule = rule
+        self.became: Became | None = None
+        self._begin = begin
+        self._take = take
+        self._tell_record = tell
+        self._subscribe = subscribe
+        self._subscription: Subscription | None = None
+        self._has_held = False
+        self._is_over = False
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> Self:
+        if self.became is not None:
+            raise RuntimeError("what has begun once is not begun again: call acting() anew")
+        self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
+        self._tell(Became.BEGUN, "")
+        if self.rule.during:
+            self._subscription = self._subscribe(self._look, *self.rule.during)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._is_over = True
+        if self._subscription is not None:
+            self._subscription.unsubscribe()
+        missing = lacking(self._take(), self.rule.after)
+        self._tell(Became.UNFULFILLED if missing else Became.FULFILLED, missing)
+
+    @property
+    def may_go_on(self) -> bool:
+        """Return whether what must hold during the action has not ceased to hold before what it is to bring about."""
+        return self.became is not Became.BROKEN
+
+    def _look(self, change: Change) -> None:
+        """Notice that what must hold during the action does not any more, once it did."""
+        with self._lock:
+            if change.matches or self._is_over or not self._has_held:
+                self._has_held = self._has_held or bool(change.matches)
+                return
+            missing = lacking(change.snapshot, self.rule.during)
+            is_done = not lacking(change.snapshot, self.rule.after)
+            if not is_done and self.became is Became.BEGUN:
+                self._tell(Became.BROKEN, missing)
+
+    def _tell(self, became: Became, message: str) -> None:
+        self.became = became
+        self._tell_record(became, message)
+
+
+def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
+    """Return the first pattern that does not hold by itself, or that they do not hold together; empty if they do."""
+    if snapshot.holds(*patterns):
+        return ""
+    alone = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
+    return "they do not hold together" if alone is None else f"{_text(alone)} does not hold"
+
+
+def _text(pattern: Pattern) -> str:
+    return str(pattern)

@@ -1,0 +1,121 @@
+"""What a context manager is made of, put together: each part gets the others that it works with."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.attention import Attention
+from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.clock import Clock, LockedClock
+from codra_dsl.runtime.expectations import Expectations
+from codra_dsl.runtime.forest import Forest
+from codra_dsl.runtime.inputs import Inputs
+from codra_dsl.runtime.journal import Record, Scribe
+from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Sharing
+from codra_dsl.runtime.model import Algorithm, ContextModel
+from codra_dsl.runtime.observer import Observer
+from codra_dsl.runtime.perception import Function, Perception
+from codra_dsl.runtime.slots import Slots
+from codra_dsl.runtime.store import Store
+from codra_dsl.runtime.subscriptions import Subscriptions
+from codra_dsl.runtime.surroundings import Surroundings
+
+
+class Machinery:
+    """The parts of a context manager.
+
+    Attributes:
+        lock: held by whoever changes something.
+        time: real or simulated; it holds no lock while events happen.
+        clock: the same, whose events are steps.
+        skills: by name.
+    """
+
+    def __init__(
+        self,
+        model: ContextModel,
+        *,
+        clock: Clock,
+        resources: Mapping[str, object],
+        record: Record,
+        seed: int,
+        find: Callable[[Algorithm], Function],
+    ) -> None:
+        """Put all parts together, from what `ContextManager` was given; it raises what that does."""
+        self.lock = threading.RLock()
+        self.time = clock
+        self.clock = LockedClock(clock, self.lock)
+        self.skills = {skill.name: skill for skill in model.skills}
+        self.scribe = Scribe(record, self.clock, self.clock.place)
+        self.clock.is_late = lambda: self.scribe.tell_input("clock", "late")
+        self.store = Store(model.variables, self.clock, self.scribe, self.changed)
+        self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
+        self.perception = Perception(
+            clock=self.clock, slots=self.slots, handles=resources, seed=seed, scribe=self.scribe, find=find
+        )
+        self.subscriptions = Subscriptions(clock, self.lock)
+        self.expectations = Expectations(self.store, self.clock, self.scribe, self.subscriptions.judged)
+        self.attention = Attention()
+        self.forest = Forest(model.observers, self._surroundings(), self.clock, self.store.write, self.observer_stopped)
+        observers = self.forest.observers.values()
+        self.perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
+        self.inputs = Inputs(
+            clock=self.clock,
+            scribe=self.scribe,
+            store=self.store,
+            forest=self.forest,
+            slots=self.slots,
+            expectations=self.expectations,
+            attention=self.attention,
+            skills=self.skills,
+            explain=self.explained,
+        )
+
+    def _surroundings(self) -> Surroundings:
+        return Surroundings(
+            cells=self.store.cells,
+            variables=self.store.variables,
+            perception=self.perception,
+            attention=self.attention,
+            scribe=self.scribe,
+            clock=self.clock,
+            urgency=lambda observer: self.inputs.urgency(observer),  # noqa: PLW0108 - inputs come later
+        )
+
+    def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
+        """Return the knowledge graph that shares these variables, steps and journal."""
+        sharing = Sharing(
+            variables=tuple(self.store.variables.values()),
+            steps=self.clock,
+            scribe=self.scribe,
+            write=self.store.write,
+        )
+        knowledge = Knowledge(model, clock=self.time, sharing=sharing)
+        self.store.mirror = knowledge.mirror
+        return knowledge
+
+    def obstacle(self, name: str) -> str:
+        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look."""
+        obstacle = self.forest.obstacle(name)
+        return f"for {' or '.join(self.store.variables[name].sources)} to write" if obstacle is None else obstacle
+
+    def explained(self, reading: Reading[Value]) -> Reading[Any]:
+        """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
+        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE):
+            return reading
+        return replace(reading, detail=self.obstacle(reading.name))
+
+    def changed(self, name: str, is_renewed: bool) -> None:
+        """Tell all who read a variable that it has another reading."""
+        self.forest.changed(name, is_renewed)
+        self.expectations.changed(name)
+        self.subscriptions.changed(name, self.store.reading)
+        self.time.notify()
+
+    def observer_stopped(self, observer: Observer) -> None:
+        """Forget what is to be forgotten when nobody looks."""
+        self.store.forget(observer.model.identifies, observer.name)

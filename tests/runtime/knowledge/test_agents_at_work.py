@@ -1,0 +1,187 @@
+"""Agents are woken by the graph and act by their rules: before is enforced, during and after are observed."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
+from codra_dsl.runtime.conditions import value
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge import Became, Change, RuleError
+from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
+from codra_dsl.runtime.replay import replay
+from tests.runtime.journals import read
+from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL
+
+DETECT = RuleModel(
+    name="detect",
+    before=(path("robot", "wants", "detecting"), absent(some("person"), "close_to", "robot")),
+    during=(path("robot", "is", "detecting"),),
+    after=(value("detecting.result") == "ok", path("world", "container_pose", some("roll_container"))),
+)
+AT_WORK = replace(
+    KNOWLEDGE,
+    agents=(
+        AgentModel(
+            name="container_detection",
+            wakes=(path("robot", "wants", "detecting"), value("battery.charge") < 10.0),
+            rules=(DETECT,),
+        ),
+        AgentModel(name="navigation"),
+        AgentModel(name="person_detection"),
+    ),
+)
+
+
+def store(clock: SimClock | WallClock, journal: Journal | None = None) -> ContextManager[str, str]:
+    return ContextManager[str, str](MODEL, clock=clock, resources={}, record=journal, knowledge=AT_WORK)
+
+
+def test_an_agent_is_woken_when_what_wakes_it_comes_to_hold_each_pattern_by_itself() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        codra.agent("container_detection").on_wake(lambda change: told.append((clock.now_s(), len(change.new))))
+        clock.sleep(1.0)
+        picking = codra.agent("picking")
+        picking.graph.request("detecting")
+        clock.sleep(0.5)
+        codra.agent("navigation").set("charge", 5.0)
+        codra.agent("navigation").set("charge", 4.0)
+        clock.sleep(5.0)
+        picking.graph.request("detecting")
+        clock.sleep(0.1)
+    assert told == [(1.0, 1), (1.5, 1), (6.5, 1)]
+
+
+def test_a_task_that_is_asked_for_again_wakes_again_though_nobody_looked_meanwhile() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        codra.agent("container_detection").on_wake(lambda change: told.append(change.snapshot.handover("detecting")))
+        picking = codra.agent("picking")
+        first = picking.graph.request("detecting")
+        clock.sleep(0.1)
+        picking.graph.abort(first)
+        picking.graph.request("detecting")
+        clock.sleep(0.1)
+    assert [handover.number for handover in told] == [1, 2]
+
+
+def test_an_agent_that_nothing_wakes_is_called_once_and_is_active_from_then_on() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        codra.agent("navigation").on_wake(told.append)
+        clock.sleep(1.0)
+        codra.agent("picking").graph.request("detecting")
+        clock.sleep(1.0)
+    assert len(told) == 1
+
+
+def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
+    clock = SimClock()
+    with store(clock, Journal(tmp_path / "run.mcap")) as codra:
+        detection = codra.agent("container_detection").graph
+
+        def detect(change: Change) -> None:
+            request = change.snapshot.handover("detecting").request
+            with detection.acting("detect") as acting:
+                detection.acknowledge(request)
+                detection.insert_node("box", "roll_container")
+                detection.place("world", "container_pose", "box", Pose.of((3.0, 0.0, 0.0)))
+                detection.finish(request, "ok")
+            assert acting.became is Became.FULFILLED
+
+        detection.on_wake(detect)
+        clock.sleep(1.0)
+        codra.agent("picking").graph.request("detecting")
+        clock.sleep(1.0)
+        told = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
+        assert [(event.instant_s, event.what) for event in told] == [(1.0, "begun"), (1.0, "fulfilled")]
+        assert "rule detect of agent container_detection fulfilled" in str(codra.why("container_detection.detect"))
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
+
+
+def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -> None:
+    with store(SimClock()) as codra:
+        detection, people = codra.agent("container_detection").graph, codra.agent("person_detection").graph
+        with pytest.raises(RuleError, match="cannot begin: robot -wants-> detecting does not hold"):
+            detection.acting("detect").__enter__()
+        codra.agent("picking").graph.request("detecting")
+        people.insert_node("him", "person")
+        people.insert_edge("him", "close_to", "robot")
+        with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
+            detection.acting("detect").__enter__()
+        assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["container_detection"] * 2
+        events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
+        assert [event.what for event in events] == ["refused", "refused"]
+
+
+def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:
+    clock = SimClock()
+    with store(clock) as codra:
+        detection, picking = codra.agent("container_detection").graph, codra.agent("picking").graph
+        request = picking.request("detecting")
+        with detection.acting("detect") as acting:
+            detection.acknowledge(request)
+            clock.sleep(1.0)
+            assert acting.may_go_on
+            picking.abort(request)
+            clock.sleep(1.0)
+            assert not acting.may_go_on
+        assert acting.became is Became.UNFULFILLED
+        told = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
+        assert [event.what for event in told] == ["begun", "broken", "unfulfilled"]
+        assert told[1].details["message"] == "robot -is-> detecting does not hold"
+
+
+def test_a_rule_that_an_agent_does_not_have_is_named_with_the_nearest() -> None:
+    with store(SimClock()) as codra, pytest.raises(UnknownNameError, match="did you mean 'detect'"):
+        codra.agent("container_detection").graph.acting("detcet")
+
+
+def test_a_callback_that_hangs_or_raises_holds_up_nobody() -> None:
+    """In real time: one agent sleeps in its callback, another raises, and eight writers go on."""
+    hold, woken = threading.Event(), threading.Event()
+    with WallClock() as clock, store(clock) as codra:
+
+        def hang(_: Change) -> None:
+            woken.set()
+            hold.wait(60.0)
+
+        def fail(_: Change) -> None:
+            raise ValueError("on purpose")
+
+        codra.agent("container_detection").on_wake(hang)
+        codra.agent("navigation").on_wake(fail)
+        picking = codra.agent("picking")
+        picking.graph.request("detecting")
+        assert woken.wait(30.0)
+        threads = [
+            threading.Thread(target=lambda: [codra.set("light", turn % 2 == 0) for turn in range(100)])
+            for _ in range(8)
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(30.0)
+            assert not thread.is_alive()
+        assert codra.knowledge.get("context", "light").known
+        hold.set()
+
+
+def test_the_same_program_wakes_its_agents_in_the_same_order() -> None:
+    def record() -> str:
+        clock = SimClock()
+        with store(clock) as codra:
+            for name in ("container_detection", "navigation", "person_detection"):
+                handle = codra.agent(name)
+                handle.on_wake(lambda _, handle=handle: handle.graph.check_open() or codra.set("light", True))
+            codra.agent("picking").graph.request("detecting")
+            clock.sleep(3.0)
+            return codra.record.text()
+
+    assert record() == record()

@@ -1,0 +1,271 @@
+"""What a journal holds of knowledge, what a replay makes of it, and what `why` tells."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import jsonschema
+import pytest
+from mcap.reader import make_reader
+
+from codra_dsl.runtime import ContextManager, Event, Journal, Kind, NotASourceError, SimClock, WallClock
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.journal.ledger import Ledger
+from codra_dsl.runtime.knowledge import ConflictError, Snapshot
+from codra_dsl.runtime.names import UnknownNameError
+from codra_dsl.runtime.replay import knowledge_at, replay
+from codra_dsl.runtime.why import explain
+from tests.runtime.journals import read
+from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL, manager
+
+
+def run(path: Path) -> ContextManager[str, str]:
+    """A robot that finds a container, is refused, hands over tasks, and writes what is not its own."""
+    clock = SimClock(10.0)
+    with manager(clock, Journal(path)) as codra:
+        navigation, detection = codra.agent("navigation"), codra.agent("container_detection")
+        picking, page = codra.agent("picking"), codra.agent("picker_page")
+        navigation.set("charge", 80.0)
+        navigation.graph.place("world", "robot_pose", "robot", Pose.of((1.0, 0.0, 0.0)), stamp_s=9.5)
+        clock.sleep(1.0)
+        request = picking.graph.request("detecting")
+        clock.sleep(0.5)
+        with detection.graph.transaction() as found:
+            found.acknowledge(request)
+            found.insert_node("box", "roll_container")
+            found.place("world", "container_pose", "box", Pose.about((0, 0, 1), 0.5, (3.0, 0.0, 0.0)))
+            found.insert_edge("box", "close_to", "robot", distance=2.0)
+        page.graph.set("box", "locked", True)
+        for write in (
+            lambda: detection.graph.set("box", "load", "full"),
+            lambda: detection.graph.set("battery", "charge", 1.0),
+            lambda: detection.set("charge", 1.0),
+        ):
+            with pytest.raises(NotASourceError):
+                write()
+        with pytest.raises(ConflictError):
+            picking.graph.request("detecting")
+        clock.sleep(1.0)
+        with navigation.graph.transaction() as both:
+            both.set("robot", "docked", True)
+            both.set("battery", "level", float("nan"))
+        detection.graph.finish(request, "ok")
+        picking.graph.request(
+            "rotating",
+        )
+        clock.sleep(2.0)
+        detection.graph.delete_node("box")
+    return codra
+
+
+def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    seen = set()
+    with (tmp_path / "run.mcap").open("rb") as stream:
+        for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
+            assert schema is not None
+            jsonschema.validate(json.loads(message.data), json.loads(schema.data))
+            if channel.topic == "/codra/knowledge":
+                seen.add(json.loads(message.data)["what"])
+    assert seen >= {
+        *("node_inserted", "node_deleted", "edge_inserted", "edge_deleted", "placed", "written", "refused"),
+        *("wants", "is", "finished", "aborted"),
+    }
+
+
+def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    head, events = read(tmp_path / "run.mcap")
+    found = replay(head, events, MODEL, ContextManager[str, str], Journal(tmp_path / "again.mcap"), KNOWLEDGE)
+    assert found.difference is None
+    assert found.derived[Kind.KNOWLEDGE] > 30
+    assert (tmp_path / "again.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
+
+
+def test_a_journal_stripped_of_knowledge_gives_it_back(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    head, events = read(tmp_path / "run.mcap")
+    kept = [event for event in events if event.kind is Kind.INPUT]
+    copy = Journal(tmp_path / "again.mcap")
+    assert replay(head, kept, MODEL, ContextManager[str, str], copy, KNOWLEDGE).difference is None
+    assert read(tmp_path / "again.mcap")[1] == events
+
+
+def test_a_replay_under_other_rights_names_the_first_write_that_differs(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    head, events = read(tmp_path / "run.mcap")
+    changed = [
+        event
+        if event.details.get("operations") is None or "finish" not in event.details["operations"]
+        else Event(event.instant_s, event.kind, event.name, event.what, {**event.details, "operations": "[]"})
+        for event in events
+    ]
+    found = replay(head, changed, MODEL, ContextManager[str, str], None, KNOWLEDGE)
+    assert found.difference is not None
+    assert found.difference.recorded is not None
+    assert (found.difference.recorded.name, found.difference.recorded.what) == ("detecting", "finished")
+
+
+def test_a_run_in_real_time_with_threads_replays_exactly(tmp_path: Path) -> None:
+    with WallClock() as clock, manager(clock, Journal(tmp_path / "run.mcap")) as codra:
+
+        def write(name: str) -> None:
+            agent = codra.agent(name)
+            for turn in range(60):
+                if name == "navigation":
+                    with agent.graph.transaction() as both:
+                        both.set("battery", "charge", float(turn))
+                        both.place("world", "robot_pose", "robot", Pose.of((turn, 0, 0)))
+                elif name == "fork":
+                    agent.graph.set("robot", "docked", turn % 2 == 0)
+                else:
+                    agent.graph.insert_node(f"box_{turn}", "roll_container")
+                codra.set("light", turn % 2 == 0)
+
+        threads = [
+            threading.Thread(target=write, args=(name,)) for name in ("navigation", "fork", "container_detection")
+        ]
+        for thread in threads:
+            thread.start()
+        codra.agent("picking").graph.request("detecting")
+        for thread in threads:
+            thread.join(60.0)
+        clock.sleep(1.2)
+    head, events = read(tmp_path / "run.mcap")
+    found = replay(head, events, MODEL, ContextManager[str, str], None, KNOWLEDGE)
+    assert found.difference is None, found.difference
+    assert found.derived[Kind.KNOWLEDGE] > 120
+
+
+def test_the_graph_of_any_instant_is_the_same_live_and_from_a_file(tmp_path: Path) -> None:
+    codra = run(tmp_path / "run.mcap")
+    head, events = read(tmp_path / "run.mcap")
+    for instant_s in (10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.5, 14.5):
+        live, told = codra.knowledge.at(instant_s), knowledge_at(head, events, MODEL, KNOWLEDGE, instant_s)
+        assert _plain(told) == _plain(live)
+        assert told.handover("detecting") == live.handover("detecting")
+        if "box" in live:
+            assert told.transform("robot", "box") == live.transform("robot", "box")
+
+
+def _plain(snapshot: Snapshot) -> object:
+    nodes = [(node.name, node.type, node.writer, node.since_s, dict(node.attributes)) for node in snapshot.nodes()]
+    edges = [(edge.key, edge.type, edge.writer, edge.since_s, dict(edge.attributes)) for edge in snapshot.edges()]
+    return nodes, edges
+
+
+def test_the_past_of_the_graph_is_as_it_was_known_then(tmp_path: Path) -> None:
+    codra = run(tmp_path / "run.mcap")
+    assert "box" not in codra.knowledge.at(11.0)
+    assert codra.knowledge.at(11.5).get("box", "locked").value is True
+    assert codra.knowledge.at(10.0).get("battery", "charge").value == 80.0
+    assert "box" not in codra.knowledge.snapshot()
+    with pytest.raises(ValueError, match="not known yet"):
+        codra.knowledge.at(100.0)
+    with pytest.raises(ValueError, match="a journal has the rest"):
+        codra.knowledge.at(9.0)
+
+
+WHYS = {
+    ("box.locked", 12.0): """\
+box.locked is true at 12 s
+  written as true by agent picker_page at 11.5 s, change 6, valid until 16.5 s""",
+    ("box.load", 12.0): """\
+box.load is unknown (never_observed) at 12 s
+  refused to agent container_detection at 11.5 s: 'box.load' is for picker_page to write, \
+not for 'container_detection'""",
+    ("box", 12.0): """\
+box is true at 12 s
+  inserted by agent container_detection at 11.5 s, change 5""",
+    ("box -close_to-> robot", 14.5): """\
+box -close_to-> robot is false at 14.5 s
+  drawn by agent container_detection at 11.5 s, change 5
+  deleted by agent container_detection at 14.5 s, change 11""",
+    ("world -RT-> box", 12.0): """\
+world -container_pose-> box is true at 12 s
+  drawn by agent container_detection at 11.5 s, change 5
+  placed at (3, 0, 0) m by agent container_detection at 11.5 s, change 5""",
+    ("detecting", 12.0): """\
+detecting is 'is' at 12 s
+  there from the start, 10 s
+  asked for by agent picking at 11 s, change 4 (request 1 of picking, until 12 s at the latest)
+  begun by agent container_detection at 11.5 s, change 5 (request 1 of picking, until 71.5 s at the latest)""",
+    ("robot -wants-> rotating", 14.0): """\
+rotating is 'aborted' at 14 s
+  there from the start, 10 s
+  asked for by agent picking at 12.5 s, change 9 (request 1 of picking, until 13.5 s at the latest)
+  aborted by the graph itself at 13.5 s, change 10 (request 1 of picking, unacknowledged)""",
+}
+
+
+@pytest.mark.parametrize(("name", "at_s"), list(WHYS))
+def test_why_tells_who_wrote_knowledge_when_and_in_which_change(name: str, at_s: float, tmp_path: Path) -> None:
+    codra = run(tmp_path / "run.mcap")
+    assert str(codra.why(name, at_s=at_s)) == WHYS[name, at_s]
+    head, events = read(tmp_path / "run.mcap")
+    assert str(explain(head.outline, lambda until_s: Ledger.of(events, until_s), name, at_s)) == WHYS[name, at_s]
+
+
+def test_why_of_a_shared_attribute_is_that_of_the_variable(tmp_path: Path) -> None:
+    codra = run(tmp_path / "run.mcap")
+    assert codra.why("battery.charge", at_s=12.0) == codra.why("charge", at_s=12.0)
+    text = str(codra.why("battery.charge", at_s=12.0))
+    assert "charge is 80 percent at 12 s" in text
+    assert "container_detection" in text, "what was refused is told as well"
+
+
+def test_why_of_what_never_was_says_so(tmp_path: Path) -> None:
+    codra = run(tmp_path / "run.mcap")
+    with pytest.raises(UnknownNameError, match="did you mean 'box"):
+        codra.why("boxx", at_s=12.0)
+
+
+def test_the_command_why_tells_of_knowledge_and_of_what_is_not_there(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+
+    def ask(*arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "codra_dsl", "why", *arguments, "--journal", "run.mcap"]
+        return subprocess.run(command, cwd=tmp_path, check=False, text=True, capture_output=True, timeout=60)
+
+    done = ask("world -container_pose-> box", "--at", "12")
+    assert (done.returncode, done.stdout.splitlines()) == (0, WHYS["world -RT-> box", 12.0].splitlines())
+    done = ask("nothing")
+    assert done.returncode == 2
+    assert "nothing" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+KILLED = """
+import os, sys
+from codra_dsl.runtime import Journal, SimClock
+from tests.runtime.knowledge.manager import manager
+
+clock = SimClock()
+codra = manager(clock, Journal(sys.argv[1]))
+detection = codra.agent("container_detection")
+navigation = codra.agent("navigation")
+for number in range(400):
+    with detection.graph.transaction() as found:
+        found.insert_node(f"box_{number}", "roll_container")
+        found.insert_edge(f"box_{number}", "close_to", "robot", distance=float(number % 50))
+    navigation.graph.set("battery", "charge", float(number % 100))
+    clock.sleep(0.1)
+os.kill(os.getpid(), 9)
+"""
+
+
+def test_a_killed_program_leaves_its_graph_in_the_journal(tmp_path: Path) -> None:
+    path, root = tmp_path / "killed.mcap", Path(__file__).parents[3]
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)], cwd=root, check=False, timeout=120)
+    assert done.returncode == -signal.SIGKILL
+    head, events = read(path)
+    assert replay(head, events, MODEL, ContextManager[str, str], None, KNOWLEDGE).difference is None
+    snapshot = knowledge_at(head, events, MODEL, KNOWLEDGE, events[-1].instant_s)
+    assert len(snapshot.nodes("roll_container")) == 400
+    assert len(snapshot.edges("close_to")) == 400
+    assert snapshot.get("battery", "charge").value == 99.0
