@@ -29,9 +29,11 @@ from codra_dsl.runtime.geometry import Motion, Pose
 from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Stage, declarations
 from codra_dsl.runtime.knowledge.declarations import absent, backward, by, distance, in_view, path, ranked, some
 from tests.test_emit import HOSTILE
+from tests.test_typed_access import errors_in
 
 ROOT = Path(__file__).parents[1]
 SPEC = ROOT / "tests/cases/valid/knowledge.yaml"
+EVERYTHING = ROOT / "tests/cases/valid/knowledge-everything.yaml"
 TWO_FORKS = ROOT / "tests/cases/valid/knowledge-in-templates.yaml"
 
 
@@ -175,6 +177,19 @@ def test_a_pose_turns_about_x_then_y_then_z_of_axes_that_stay(roll: int, pitch: 
     assert pose.angle_rad(third @ second @ first) < 1e-6
 
 
+def test_all_that_can_be_declared_makes_a_graph() -> None:
+    knowledge = Knowledge(model(EVERYTHING), clock=SimClock())
+    now = knowledge.snapshot()
+
+    assert [node.name for node in now.nodes("place")] == ["dock", "door"]
+    assert now.get("dock", "sign").value == '"dock"'
+    assert now.in_view("door", "eye")
+    assert now.distance_m("robot", "door") == 5.0
+    for agent in knowledge.model.agents:
+        for patterns in [*([each] for each in agent.wakes), *(rule.before for rule in agent.rules)]:
+            assert not now.holds(*patterns)  # nobody has written anything
+
+
 # Patterns
 
 
@@ -292,7 +307,7 @@ def test_a_spec_file_called_knowledge_keeps_its_module() -> None:
 # Form
 
 
-@pytest.mark.parametrize("spec", [SPEC, TWO_FORKS], ids=lambda spec: spec.stem)
+@pytest.mark.parametrize("spec", [SPEC, EVERYTHING, TWO_FORKS], ids=lambda spec: spec.stem)
 def test_the_module_is_as_ruff_formats_it_and_without_findings(spec: Path, tmp_path: Path) -> None:
     for name, text in {"__init__.py": package_text(), **files(spec)}.items():
         (tmp_path / "generated" / name).parent.mkdir(parents=True, exist_ok=True)
@@ -391,3 +406,76 @@ def test_the_manifest_changes_with_what_agents_own() -> None:
 
     assert first["model"] != second["model"]
     assert "knowledge.py" in first["outputs"]
+
+
+# Types
+
+PROGRAM = """\
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, Request, Transaction
+from generated import picking_up
+from generated.picking_up.knowledge import ContainerDetectionHandle, EdgeName, PickingHandle, TaskName
+
+
+def ask(picking: PickingHandle) -> Request:
+    return picking.request("detecting", wish="soon")
+
+
+def detect(detection: ContainerDetectionHandle, request: Request) -> None:
+    detection.acknowledge(request)
+    with detection.transaction() as found:
+        found.insert_node("box", "roll_container", weight=2.0)
+        found.place("world", "container_pose", "box", Pose(), stamp_s=1.0)
+        found.set("box", "weight", 3.0, evidence_s=1.0)
+        found.insert_edge("robot", "close_to", "box")
+        found.finish(request, "found")
+    detection.delete_edge("robot", "close_to", "box")
+
+
+def plain(handle: AgentHandle, graph: Knowledge, begun: Transaction) -> None:
+    handle.set("robot", "anything", begun is not None and graph is not None)
+
+
+task: TaskName = "detecting"
+edge: EdgeName = "RT"
+with picking_up.start(clock=SimClock(), resources={}) as codra:
+    graph = codra.knowledge
+    picking = graph.as_agent("picking")
+    detection = graph.as_agent("container_detection")
+    now = graph.snapshot()
+    detect(detection, ask(picking))
+    with picking.transaction() as begun:
+        plain(picking, graph, begun)
+    graph.as_agent("person_detection").set_of_edge("anna", "near", "robot", "distance", 0.5)
+    print(graph.get("box", "weight").known, now.handover(task).stage, now.edges(edge, target="box"), now.nodes())
+"""
+WRONG = (
+    'graph.as_agent("pickin")',
+    'picking.request("detectin")',
+    'picking.request("picking_up")',
+    'picking.insert_node("box", "roll_container")',
+    'detection.insert_node("box", "roll_contaner")',
+    'detection.insert_node("anna", "person")',
+    'detection.set("box", "full", True)',
+    'detection.place("world", "robot_pose", "robot", Pose())',
+    'detection.insert_edge("robot", "container_pose", "box")',
+    'detection.finish(ask(picking), "there")',
+    'graph.as_agent("person_detection").set_of_edge("anna", "near", "robot", "distnce", 0.5)',
+    'graph.get("box", "wieght")',
+    'now.handover("detectin")',
+    'now.nodes("persn")',
+    'now.edges("nar")',
+    "ask(detection)",
+)
+
+
+def test_mypy_finds_wrong_names_and_foreign_writes_and_nothing_else(tmp_path: Path) -> None:
+    for name, text in {"__init__.py": package_text(), **files(SPEC)}.items():
+        (tmp_path / "generated" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "generated" / name).write_text(text, "utf-8")
+    program = PROGRAM + "".join(f"    {line}\n" for line in WRONG)
+
+    found = errors_in(program, tmp_path, tmp_path / "cache", tmp_path)
+
+    assert [line for line, _ in found] == list(WRONG)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import chain
 
 from codra_dsl.build_plan.values import Edge, EdgeKind, Node, NodeKind, Tree
@@ -55,20 +55,21 @@ def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str
 def _known(knowledge: CheckedKnowledge) -> Iterator[Edge]:
     """Yield who owns and reads what, who asks for and does which task, and where edges lead; sorted like the rest."""
     world = knowledge.world
+    types = frozenset(types_shown(world))
+    executed, asked = _handed(world)
     by_name = {agent.name: agent for agent in knowledge.agents}
     for name in sorted(by_name):
         source, agent = Node(NodeKind.AGENT, name), by_name[name]
-        executed = [task.name for task in world.tasks.values() if task.by.name == name]
-        asked = [task.name for task in world.tasks.values() if name in (each.name for each in task.requesters)]
-        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, executed)
-        yield from _touched(source, EdgeKind.OWNS, agent.owns, world)
-        yield from _touched(source, EdgeKind.READS, _read(agent, world), world)
-        yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, asked)
+        does, asks = executed.get(name, ()), asked.get(name, ())
+        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TASK, does)
+        yield from _touched(source, EdgeKind.OWNS, agent.owns, types)
+        yield from _touched(source, EdgeKind.READS, _read(agent, {*does, *asks}), types)
+        yield from _edges(source, EdgeKind.REQUESTS, NodeKind.TASK, asks)
     for name in sorted(world.edges):
         source, edge = Node(NodeKind.EDGE, name), world.edges[name]
         for kind, ends in ((EdgeKind.LEADS_FROM, edge.origins), (EdgeKind.LEADS_TO, edge.targets)):
-            types = (world.type_of(each.name) for each in ends)
-            yield from _edges(source, kind, NodeKind.TYPE, [each for each in types if each in types_shown(world)])
+            names = (world.type_of(each.name) for each in ends)
+            yield from _edges(source, kind, NodeKind.TYPE, [each for each in names if each in types])
 
 
 def types_shown(world: World) -> tuple[str, ...]:
@@ -76,24 +77,27 @@ def types_shown(world: World) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*world.types, *(node.type.name for node in world.nodes.values()))))
 
 
-def _read(agent: CheckedAgent, world: World) -> list[Thing]:
+def _handed(world: World) -> tuple[Mapping[str, list[str]], Mapping[str, list[str]]]:
+    """Return the tasks that each agent executes, and those that it may ask for."""
+    executed: dict[str, list[str]] = {}
+    asked: dict[str, list[str]] = {}
+    for task in world.tasks.values():
+        executed.setdefault(task.by.name, []).append(task.name)
+        for requester in task.requesters:
+            asked.setdefault(requester.name, []).append(task.name)
+    return executed, asked
+
+
+def _read(agent: CheckedAgent, handed: Collection[str]) -> list[Thing]:
     """Return what an agent reads and neither owns nor hands over: that it knows that goes without saying."""
-    owned = {(thing.section, thing.name) for thing in agent.owns}
-    handed = {
-        ("tasks", task.name)
-        for task in world.tasks.values()
-        if agent.name in (task.by.name, *(each.name for each in task.requesters))
-    }
-    return [thing for thing in agent.reads if (thing.section, thing.name) not in owned | handed]
+    known = {(thing.section, thing.name) for thing in agent.owns} | {("tasks", name) for name in handed}
+    return [thing for thing in agent.reads if (thing.section, thing.name) not in known]
 
 
 _KINDS = {"context": NodeKind.CONTEXT, "types": NodeKind.TYPE, "edges": NodeKind.EDGE, "tasks": NodeKind.TASK}
 
 
-def _touched(source: Node, kind: EdgeKind, things: Iterable[Thing], world: World) -> list[Edge]:
+def _touched(source: Node, kind: EdgeKind, things: Iterable[Thing], types: Collection[str]) -> list[Edge]:
     """Return the edges from an agent to some things, attributes told with what has them."""
-    shown = types_shown(world)
-    targets = {
-        Node(_KINDS[thing.section], thing.name) for thing in things if thing.section != "types" or thing.name in shown
-    }
-    return [Edge(source, target, kind) for target in sorted(targets)]
+    told = (thing for thing in things if thing.section != "types" or thing.name in types)
+    return [Edge(source, target, kind) for target in sorted({Node(_KINDS[each.section], each.name) for each in told})]

@@ -19,14 +19,13 @@ from codra_dsl.emit.access import alias
 from codra_dsl.emit.imports import Imports
 from codra_dsl.emit.layout import WIDEST, WIDTH, Brackets, Expression, bracketed, laid_out
 from codra_dsl.emit.literals import text_literal
-from codra_dsl.model import CONTEXT_NODE, RESULT, TASK_TYPE
+from codra_dsl.model import CONTEXT_NODE, TASK_TYPE, TOLD_BY_TASKS
 
 MOST_HANDLES = 50
 """So many agents have handles of their own type; those of others take any name that is declared."""
 
 _INDENT = 8
 _STEP = 4
-_TOLD_BY_TASKS = ("request", "requester", RESULT, "reason")
 _NARROW = "  # type: ignore[misc]  # takes fewer names, on purpose"
 
 
@@ -230,7 +229,7 @@ def _types(world: World) -> Iterator[str]:
 def _attributes(world: World) -> Iterator[str]:
     yield from (each.name for kind in world.types.values() for each in kind.attributes)
     yield from world.variables
-    yield from _TOLD_BY_TASKS if world.tasks else ()
+    yield from TOLD_BY_TASKS if world.tasks else ()
 
 
 def _literals(names: Iterable[str]) -> Expression:

@@ -22,6 +22,9 @@ RT = "RT"
 RESULT = "result"
 """The attribute of a task that says with which result it has finished."""
 
+TOLD_BY_TASKS = ("request", "requester", RESULT, "reason")
+"""The attributes of every task, which only the steps of its handshake write."""
+
 
 class TaskState(StrEnum):
     """What the edge of a task says (P2, section 3.2); P2's `starts` is `wants`."""

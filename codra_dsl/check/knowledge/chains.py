@@ -189,6 +189,8 @@ class _Chains:
         types = {name: self.world.read_type(name)}
         if not can_hold([pattern.tree], (), types):  # which is told as a contradiction
             return ()
+        if thing.section == "context" and not self.world.writers(thing):  # an observer identifies it, whenever it can
+            return ()
         found: list[_Rule] = []
         for writer in self.world.writers(thing):
             told = [

@@ -67,7 +67,7 @@ class CheckedKnowledge:
     Attributes:
         world: what is declared, in tables.
         agents: those that are declared, in file order.
-        writers: the names of all that may write something: those, then the main execution and observers.
+        writers: the names of those, then of the main execution where it asks for tasks or owns something of the graph.
         values: by node, what is known of it from the start, in the units of the attributes.
     """
 

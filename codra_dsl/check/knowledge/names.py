@@ -22,7 +22,7 @@ from codra_dsl.check.scope import OBSERVER, UNDER_KNOWLEDGE, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related, is_slip, suggest
 from codra_dsl.expression import Node, reads_of
 from codra_dsl.load.names import is_identifier
-from codra_dsl.model import RT, TASK_TYPE
+from codra_dsl.model import RT, TASK_TYPE, TOLD_BY_TASKS
 
 _OTHER_STATES: Mapping[str, str] = {
     "want": "wants",
@@ -162,6 +162,10 @@ def reserved_names(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
         if kind.name == TASK_TYPE:
             message = f"type '{TASK_TYPE}' is that of the nodes which tasks bring along"
             yield _reserved(f"types.{kind.name}", message, kind.place, "choose another name")
+    for each in scope.spec.nodes:
+        if each.type.name == TASK_TYPE:
+            message = f"node '{each.name}' is of type '{TASK_TYPE}', which only the nodes are that tasks bring along"
+            yield _reserved(f"nodes.{each.name}.type", message, each.type.place, "choose another type")
     nodes = {name.casefold(): node for name, node in scope.world.nodes.items()}
     for task in scope.spec.tasks:
         node = nodes.get(task.name.casefold())
@@ -170,6 +174,23 @@ def reserved_names(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
             related = (Related("the node", node.place),)
             yield _reserved(f"tasks.{task.name}", message, task.place, "rename one of them", related)
     yield from _observers_as_writers(scope)
+    yield from _taken_attributes(scope)
+
+
+def _taken_attributes(scope: Scope) -> Iterator[Diagnostic]:
+    """Yield the context-variables that are called like another attribute of their node."""
+    world = scope.world
+    for variable in scope.spec.context if scope.spec.knows else ():
+        kind = world.types.get(world.type_of(variable.node))
+        own = {each.name: each for each in kind.attributes} if kind is not None else {}
+        path, place = f"context.{variable.name}.of", variable.places.get("of", variable.place)
+        if variable.node in world.tasks and variable.name in TOLD_BY_TASKS:
+            message = f"context-variable '{variable.name}' is called like what every task tells, '{variable.node}' too"
+            yield _taken(path, message, place, "rename it")
+        elif variable.name in own:
+            message = f"node '{variable.node}' has an attribute '{variable.name}' by its type already"
+            related = (Related("declared here", own[variable.name].place),)
+            yield _taken(path, message, place, "rename one of them, or remove one", related)
 
 
 def _observers_as_writers(scope: Scope) -> Iterator[Diagnostic]:
@@ -192,6 +213,10 @@ KNOWLEDGE_NAMES = (
     reserved_names,
 )
 """The rules of this subject."""
+
+
+def _taken(path: str, message: str, place: Place, way_out: str, related: tuple[Related, ...] = ()) -> Diagnostic:
+    return finding("reserved-in-knowledge", message, place, path=path, way_out=way_out, related=related)
 
 
 def _reserved(path: str, message: str, place: Place, way_out: str, related: tuple[Related, ...] = ()) -> Diagnostic:

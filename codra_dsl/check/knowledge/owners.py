@@ -261,7 +261,7 @@ def _names_request(world: World, agent: Agent, task: Task, role: Role) -> bool:
 
 def owns(world: World, agent: str) -> tuple[Thing, ...]:
     """Return what an agent may write, in file order."""
-    return tuple(thing for thing in world.things() if world.owns(agent, thing))
+    return world.owned.get(agent, ())
 
 
 def reads(world: World, agent: Agent) -> tuple[Thing, ...]:

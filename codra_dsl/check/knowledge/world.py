@@ -282,6 +282,15 @@ class World:
         element: NodeType | EdgeType = self.types[thing.name] if thing.section == "types" else self.edges[thing.name]
         return next(each for each in element.attributes if each.name == thing.attribute)
 
+    @cached_property
+    def owned(self) -> Mapping[str, tuple[Thing, ...]]:
+        """What each agent may write that may write anything, in file order."""
+        found: dict[str, dict[Thing, None]] = {}
+        for thing in self.things():
+            for writer in self.writers(thing):
+                found.setdefault(writer.name, {})[thing] = None
+        return {name: tuple(things) for name, things in found.items()}
+
     def owns(self, agent: str, thing: Thing) -> bool:
         """Return whether an agent may write something."""
         return any(writer.name == agent for writer in self.writers(thing))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from codra_dsl.check.knowledge.owners import reads
 from codra_dsl.check.quality.exclusion import excluded_previews
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, Faults, Scope
@@ -19,9 +20,13 @@ def unreached_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     if not scope.judges_reach:
         return
     of_observers = {name for setting in scope.unreached_settings for name in _named(setting)}
+    of_agents = {
+        thing.name for agent in scope.spec.agents for thing in reads(scope.world, agent) if thing.section == "context"
+    }
     for variable in scope.variables.values():
         name = variable.name
         told = name in of_observers or name in scope.spec.damaged.get("context", ())
+        told = told or (name in of_agents and name not in scope.producers)
         if name not in scope.reached and not told and faults.sound("context", name):
             message, way_out = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"
             if name in scope.producers:
