@@ -9,6 +9,8 @@ from codra_dsl.runtime.trees import Result, Scope, TreeError
 from tests.trees.stories import document, main_tree, planned, table, ticks
 
 CASES = {
+    "always success": ("<AlwaysSuccess/>", "", "success:"),
+    "always failure": ("<AlwaysFailure/>", "", "failure:"),
     "an inverter turns success into failure": ("<Inverter><A/></Inverter>", "", "failure: A"),
     "an inverter turns failure into success": (
         "<Inverter><A/></Inverter>",
@@ -310,3 +312,28 @@ def test_a_loop_without_end_does_not_hold_up_the_program() -> None:
     tree = main_tree(document('<Repeat num_cycles="-1"><A/></Repeat>'), planned("", []))
 
     assert tree.tick() is Result.RUNNING
+
+
+@pytest.mark.parametrize(
+    ("loop", "items"),
+    [
+        ('<LoopInt queue="1;-2" value="{item}">{}</LoopInt>', [1, -2]),
+        ('<LoopDouble queue="1;2.5" value="{item}">{}</LoopDouble>', [1.0, 2.5]),
+        ('<LoopBool queue="true;0" value="{item}">{}</LoopBool>', [True, False]),
+        ('<LoopString queue="a b;c" value="{item}">{}</LoopString>', ["a b", "c"]),
+    ],
+)
+def test_a_loop_reads_its_items_as_what_they_are(loop: str, items: list[object]) -> None:
+    tree = main_tree(document(loop.replace("{}", '<Script code="went := item"/>')), planned("", []))
+
+    found = []
+    while tree.tick() is Result.RUNNING:
+        found.append(tree.scope.get("went"))
+    assert [repr(item) for item in found] == [repr(item) for item in items]
+
+
+def test_an_item_that_is_none_is_an_error() -> None:
+    tree = main_tree(document('<LoopInt queue="1;x"><A/></LoopInt>'), planned("", []))
+
+    with pytest.raises(TreeError, match="'LoopInt' cannot read the item 'x'"):
+        tree.tick()

@@ -173,6 +173,28 @@ def test_what_is_no_file_of_trees_is_told(text: str, expected: str) -> None:
     assert found.help
 
 
+def test_a_remapped_entry_that_the_subtree_never_uses_is_told() -> None:
+    others = '<BehaviorTree ID="Go"><Script code="goal := 1" _skipIf="ready" _post="done := 2"/></BehaviorTree>'
+    body = '<SubTree ID="Go" gaol="{g}" ready="{r}" done="{d}"/>'
+    (found,) = findings(document(body, "", others))
+
+    assert (found.rule.name, found.severity) == ("unused-remap", "warning")
+    assert found.help == "did you mean 'goal'?"
+
+
+@pytest.mark.parametrize("kind", ["Control", "Decorator"])
+def test_nodes_of_ones_own_can_only_be_leaves(kind: str) -> None:
+    (found,) = findings(document("<AlwaysSuccess/>", f'<{kind} ID="Own"/>'))
+
+    assert (found.rule.name, found.message) == ("unsupported-tree-node", f"'Own' is a {kind.lower()} node of one's own")
+
+
+def test_columns_count_letters_not_bytes() -> None:
+    assert (
+        told(document("<Sequence name='\u00e4\u2603\U0001f916'><Sleep msec='x'/></Sequence>"))[0] == "1:114 port-value"
+    )
+
+
 # Hostile files
 
 BOMB = '<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><root n="&c;"/>'
@@ -271,7 +293,7 @@ def test_what_cannot_be_included_is_told_at_its_place(tmp_path: Path, include: s
     (project / "main.xml").write_text(WHOLE.format(include))
 
     _, found = read(project / "main.xml", project)
-    assert [each.message for each in found] == [message]
+    assert [(each.rule.name, each.message) for each in found] == [("tree-include", message)]
     assert found[0].place.span.line == 1
 
 
