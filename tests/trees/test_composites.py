@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from py_trees.common import Status
+from py_trees.display import unicode_tree
+from py_trees.trees import BehaviourTree
 
-from tests.trees.stories import LEAVES, table, ticks
+from tests.trees.stories import LEAVES, document, main_tree, planned, table, ticks
 
 CASES = {
     # Sequences: "Restart" and "Tick again" of the table on SequenceNode
@@ -274,3 +277,22 @@ def test_a_switch_takes_the_first_case_that_is_equal(cases: int) -> None:
     for value in range(1, cases + 2):
         body = f'<Switch{cases} variable="{value}" {given}>{leaves}</Switch{cases}>'
         assert ticks(body, "", 1) == [f"success: {LEAVES[value - 1]}"]
+
+
+def test_a_tree_can_be_ticked_and_interrupted_by_py_trees() -> None:
+    log: list[str] = []
+    tree = main_tree(document('<Sequence><A _skipIf="false"/><B/></Sequence>'), planned("B=RSR", log))
+    outside = BehaviourTree(tree.root)
+
+    seen = []
+    for _ in range(3):
+        outside.tick()
+        seen.append((tree.root.status, [node.status for node in tree.root.children]))
+    assert seen == [
+        (Status.RUNNING, [Status.SUCCESS, Status.RUNNING]),
+        (Status.SUCCESS, [Status.INVALID, Status.INVALID]),
+        (Status.RUNNING, [Status.SUCCESS, Status.RUNNING]),
+    ]
+    tree.root.stop(Status.INVALID)
+    assert log == ["A", "B", "b", "A", "B", "B!"]
+    assert "[*]" not in unicode_tree(tree.root, show_status=True)

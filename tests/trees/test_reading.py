@@ -282,6 +282,7 @@ def test_included_files_are_read_once_wherever_they_stand_in_the_project(tmp_pat
         ('<include path="link.xml"/>', "'link.xml' is outside of the project"),
         ('<include path="none.xml"/>', "there is no file 'none.xml'"),
         ('<include path="."/>', "there is no file '.'"),
+        (f'<include path="{"n" * 3000}"/>', f"there is no file '{'n' * 3000}'"),
         ('<include ros_pkg="p" path="part.xml"/>', "packages of ROS are not searched"),
     ],
 )

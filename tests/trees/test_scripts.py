@@ -76,6 +76,18 @@ def test_operators_hold_as_in_c(expression: str, expected: object) -> None:
     assert value(expression, x=5, y="a", text="42") == expected
 
 
+def test_a_long_script_has_a_function_of_its_own_and_means_the_same() -> None:
+    long = " && ".join(f"x != 'a text that makes it long {number}'" for number in range(5))
+    body = f'<Sequence><ScriptCondition code="{long} && 7"/><Script code="y := {long} && 7"/></Sequence>'
+    text = document(body.replace("&", "&amp;"))
+    scope = Scope()
+    scope.create("x", "b")
+
+    assert "def _script_2_of_main_tree(it: Scope) -> object:" in compiled(text)
+    main_tree(text, Robot(), scope=scope).tick()
+    assert scope.get("y") is True
+
+
 def test_names_of_an_enum_are_their_numbers() -> None:
     body = '<Sequence><Script code="color := RED"/><ScriptCondition code="color != BLUE"/></Sequence>'
 

@@ -114,3 +114,22 @@ def test_a_name_from_the_file_cannot_become_code() -> None:
     exec(compile(module, "hostile.py", "exec"), names)
     assert names["ACTIONS"] == (hostile,)
     assert "os" not in names
+
+
+def test_the_bytes_of_a_module_do_not_depend_on_the_run() -> None:
+    program = "import sys; from tests.trees.stories import compiled; sys.stdout.write(compiled(sys.stdin.read()))"
+    text = (ROOT / "specs" / "trees" / "mission.xml").read_text("utf-8")
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", program],
+            cwd=ROOT,
+            env={"PYTHONHASHSEED": seed},
+            input=text,
+            text=True,
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+
+    assert runs == [compiled(text)] * 2
