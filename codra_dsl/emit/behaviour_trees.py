@@ -193,7 +193,7 @@ class _Writer:
             return f"lambda it: {text}"
         self._words.add("Scope")
         body: Expression = text
-        if isinstance(node, And | Or):
+        if isinstance(node, And | Or) and text == asked_text(node, self._enums):
             first, *rest = operands(node, self._enums)
             sign = "and" if isinstance(node, And) else "or"
             body = Grouped("", Chain(first, tuple((sign, each) for each in rest)))

@@ -72,6 +72,8 @@ class _Checker:
         self._told = told
         self._trees = {tree.id: tree for tree in reversed(forest.trees)}
         self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in reversed(forest.models)}
+        self._known = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
+        self._entries: dict[str, frozenset[str]] = {}
 
     # The forest as a whole
 
@@ -155,11 +157,10 @@ class _Checker:
     def _of_robot(self, node: TreeNode, path: str) -> None:
         model = self._models.get((False, node.id))
         if model is None and node.kind not in _OF_ROBOT:
-            known = [*BUILT_IN, *(name for of_subtree, name in self._models if not of_subtree)]
             otherwise = f'declare it: <TreeNodesModel><Action ID="{node.id}"/></TreeNodesModel>'
             if node.id in self._trees:
                 otherwise = f'write <SubTree ID="{node.id}"/>'
-            way_out = otherwise if node.id in self._trees else self._told.meant(node.id, known, otherwise)
+            way_out = otherwise if node.id in self._trees else self._told.meant(node.id, self._known, otherwise)
             self._told.add("unknown-tree-node", f"unknown node '{node.id}'", node.place, help=way_out, path=path)
             return
         self._children(node, 0, 0, path)
@@ -299,7 +300,9 @@ class _Checker:
         if model is not None:
             self._ports_of_subtree(node, model, remaps, path)
             return
-        used = _entries_of(tree, self._models)
+        used = self._entries.get(tree.id)
+        if used is None:
+            used = self._entries[tree.id] = _entries_of(tree, self._models)
         for attribute in remaps:
             if attribute.name not in used:
                 way_out = self._told.meant(attribute.name, used, "remove it, or use the entry in the tree")

@@ -119,6 +119,8 @@ class _Reader:
         for name, handler in handlers.items():
             setattr(parser, name, handler)
         parser.Parse(self._data, True)
+        if self.root is not None:
+            self.root.last_comments += tuple(self._comments)
 
     def _offset(self) -> int:
         """Return where expat is, in code points; it only ever goes on."""

@@ -12,7 +12,7 @@ from codra_dsl.load.source import Source, decode
 from codra_dsl.load.source import read as read_source
 from codra_dsl.project import relative
 from codra_dsl.trees.catalogue import AFTER, BEFORE
-from codra_dsl.trees.elements import Element, elements
+from codra_dsl.trees.elements import MAX_ATTRIBUTES, Element, elements
 from codra_dsl.trees.rules import Told
 from codra_dsl.trees.values import (
     Attribute,
@@ -85,7 +85,7 @@ def _wanted(file: TreeFile, path: Path, root: Path, told: Told) -> Iterable[tupl
                 include.place,
                 help="include files of the project, by a path relative to this file",
             )
-        elif not wanted.is_file():
+        elif not os.path.isfile(wanted):  # noqa: PTH113 - whatever the path, it does not raise
             told.add("tree-include", f"there is no file '{include.path}'", include.place, help="correct the path")
         else:
             yield wanted, include.place
@@ -207,7 +207,10 @@ class _Shape:
                 self._misplaced(child, f"<{_MODELS}>", sorted(_EXPLICIT))
                 continue
             name = self._needed(child, "ID")
-            ports = [port for each in child.children if (port := self._port(each)) is not None]
+            ports = [port for each in child.children[:MAX_ATTRIBUTES] if (port := self._port(each)) is not None]
+            if len(child.children) > MAX_ATTRIBUTES:
+                message = f"over {MAX_ATTRIBUTES} ports: no node can be given them"
+                self._told.add("too-many-tree-nodes", message, child.place, help="split it into several nodes")
             if name is not None:
                 yield NodeModel(
                     kind=NodeKind(child.tag),

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 from codra_dsl.runtime.trees.node import Entry, Kind, Node, Script, Setting, Surroundings
 from codra_dsl.runtime.trees.result import Result, TreeError
-from codra_dsl.runtime.trees.scope import is_true, number_in
+from codra_dsl.runtime.trees.scope import is_true
 
 _S_PER_MS = 0.001
+_TRUTHS = ("false", "true", "0", "1")
 WITHOUT_END = -1
 """As a number of cycles or attempts."""
 
@@ -253,8 +254,14 @@ class QueueLoop(Kind):
                 raise TreeError(f"the entry {self._queue.key!r} holds no list: {node.name!r} takes items off one")
             return held
         if self._left is None:
-            self._left = [self._read(item) for item in self._queue.split(";")] if self._queue else []
+            self._left = [self._item(node, item) for item in self._queue.split(";")] if self._queue else []
         return self._left
+
+    def _item(self, node: Node, text: str) -> object:
+        try:
+            return self._read(text)
+        except ValueError:
+            raise TreeError(f"{node.name!r} cannot read the item {text!r}") from None
 
 
 def loop_int(queue: Setting, *, value: Entry | None = None, if_empty: Setting = "SUCCESS") -> Kind:
@@ -274,7 +281,7 @@ def loop_string(queue: Setting, *, value: Entry | None = None, if_empty: Setting
 
 def loop_bool(queue: Setting, *, value: Entry | None = None, if_empty: Setting = "SUCCESS") -> Kind:
     """Loop over truths."""
-    return QueueLoop(queue, lambda item: bool(number_in(item.strip())), value=value, if_empty=if_empty)
+    return QueueLoop(queue, lambda item: bool(_TRUTHS.index(item) % 2), value=value, if_empty=if_empty)
 
 
 def _result(node: Node, setting: Setting) -> Result:

@@ -24,7 +24,7 @@ class Tree:
             scope: the entries of the tree; new ones, if None.
 
         Raises:
-            UnknownNameError: if the robot lacks an action.
+            TreeError: if the robot lacks an action.
         """
         self.root = root
         self.scope = Scope() if scope is None else scope

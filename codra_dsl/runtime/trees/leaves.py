@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
-from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.trees.node import Assignment, Entry, Kind, Node, Script, Setting, Surroundings
 from codra_dsl.runtime.trees.result import Result, TreeError
 from codra_dsl.runtime.trees.scope import Scope, is_true, number_in
@@ -124,11 +123,10 @@ class Ports:
         """Return what an input is given: a text, or the value of its entry.
 
         Raises:
-            UnknownNameError: if it is given nothing.
-            TreeError: if its entry is not there.
+            TreeError: if it is given nothing, or its entry is not there.
         """
         if port not in self._inputs:
-            raise unknown(f"input port of {self._name!r}", port, self._inputs)
+            raise TreeError(f"{self._name!r} is given no input {port!r}: it has {_listed(self._inputs)}")
         setting = self._inputs[port]
         return self._scope.get(setting.key) if isinstance(setting, Entry) else setting
 
@@ -159,6 +157,10 @@ class Ports:
         """
         if port in self._outputs:
             self._scope.create(self._outputs[port].key, value)
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "none"
 
 
 class Action(Protocol):
@@ -201,10 +203,10 @@ class Robot:
         """Return an action for a leaf.
 
         Raises:
-            UnknownNameError: if the robot has none of this name.
+            TreeError: if the robot has none of this name.
         """
         if name not in self._makers:
-            raise unknown("action of the robot", name, self._makers)
+            raise TreeError(f"the robot has no action {name!r}: it has {_listed(self._makers)}")
         return self._makers[name]()
 
 

@@ -273,6 +273,8 @@ class Node(Behaviour):
         """Tick it once and yield all nodes that were ticked, children first."""
         visited = self.surroundings.pulse.visited
         visited.clear()
+        if self.result.is_completed:
+            self.reset()
         self.execute()
         yield from tuple(visited)
 

@@ -1,0 +1,218 @@
+"""P2's two trees: global management and pick-up management (P2, sections 3.2 and 5.2, Figures 2, 3 and 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.emit.behaviour_trees import tree_module
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.knowledge import Knowledge, Stage
+from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, NodeTypeModel, TaskModel
+from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Scope, Task, Tree
+from codra_dsl.trees import check, read, write
+from tests.trees.stories import functions
+
+ROOT = Path(__file__).parents[2]
+SHOP = KnowledgeModel(
+    name="shop",
+    node_types=(NodeTypeModel(name="robot"),),
+    nodes=(NodeModel(name="robot", type="robot"),),
+    tasks=(
+        TaskModel(
+            name="picking_up",
+            origin="robot",
+            by="picking",
+            requesters=("mission",),
+            results=("picked_up", "not_found"),
+            acknowledge_s=2.0,
+            finish_s=600.0,
+        ),
+    ),
+)
+
+
+def tree(name: str, robot: Robot, scope: Scope, clock: SimClock) -> Tree:
+    """The main tree of a file of the repository."""
+    forest, found = read(ROOT / "specs" / "trees" / f"{name}.xml", ROOT)
+    assert forest is not None
+    checked, more = check(forest)
+    assert (found, more) == ((), ())
+    assert checked is not None
+    assert forest.main is not None
+    return Tree(functions(tree_module(checked))[forest.main](), leaves=robot, clock=clock, scope=scope)
+
+
+class Drive(Action):
+    """Drives somewhere in two ticks."""
+
+    def __init__(self, log: list[str]) -> None:
+        self._log = log
+
+    def start(self, ports: Ports) -> Result:
+        self._log.append(f"drive to {ports.text('pose')}")
+        return Result.RUNNING
+
+    def go_on(self, ports: Ports) -> Result:
+        self._log.append(f"reached {ports.text('pose')}")
+        return Result.SUCCESS
+
+    def halt(self, ports: Ports) -> None:
+        self._log.append(f"stopped on the way to {ports.text('pose')}")
+
+
+def cary(log: list[str], seen: list[bool]) -> Robot:
+    """The robot's simple actions; `seen` is what detections come to, the last one for ever."""
+
+    def says(text: str) -> Callable[[Ports], bool]:
+        return lambda _: log.append(text) is None
+
+    def detect(ports: Ports) -> bool:
+        ports.set("container_pose", "container")
+        log.append("look")
+        return seen.pop(0) if len(seen) > 1 else seen[0]
+
+    def check_wheels(ports: Ports) -> bool:
+        ports.set("fork_pose", "wheels")
+        return True
+
+    robot = Robot()
+    robot.can("MoveTo", lambda: Drive(log))
+    robot.does("DetectContainer", detect)
+    robot.does("CheckWheels", check_wheels)
+    robot.does("Rotate", lambda ports: log.append(f"rotate {ports.number('angle_deg'):g}") is None)
+    robot.does("RaiseFork", says("raise the fork"))
+    robot.does("LowerFork", says("lower the fork"))
+    robot.does("Inform", lambda ports: log.append(ports.text("message")) is None)
+    return robot
+
+
+class Cary:
+    """Both loops on one graph: the mission hands picking up over, the other executor ticks its tree for it."""
+
+    def __init__(self, *seen: bool) -> None:
+        self.log: list[str] = []
+        clock = SimClock()
+        self.clock = clock
+        self.knowledge = Knowledge(SHOP, clock=clock)
+        self.mission_agent = self.knowledge.as_agent("mission")
+        self.picking_agent = self.knowledge.as_agent("picking")
+        robot = cary(self.log, list(seen))
+        robot.can(
+            "PickUp", lambda: Task("picking_up", self.mission_agent, self.knowledge, succeeds_with=("picked_up",))
+        )
+        self.mission_scope, self.picking_scope = Scope(), Scope()
+        for name in ("observation_pose", "delivery_pose"):
+            self.mission_scope.create(name, name)
+        self.picking_scope.create("second_observation_pose", "second pose")
+        self.mission = tree("mission", robot, self.mission_scope, clock)
+        self.picking = tree("pick_up", robot, self.picking_scope, clock)
+        self._working = False
+
+    def step(self) -> Result:
+        """One period of both executors."""
+        self.clock.sleep(0.5)
+        result = self.mission.tick()
+        handover = self.knowledge.snapshot().handover("picking_up")
+        if handover.stage is Stage.WANTS:
+            self.picking_agent.acknowledge(handover.request)
+            self._working = True
+        elif self._working and handover.stage is Stage.ABORTED:
+            self.picking.halt()
+            self._working = False
+        if self._working and (picked := self.picking.tick()) is not Result.RUNNING:
+            result_ = "picked_up" if picked is Result.SUCCESS else "not_found"
+            self.picking_agent.finish(handover.request, result_)
+            self._working = False
+        return result
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> Result:
+        """Step until the mission ends or something holds."""
+        for _ in range(50):
+            result = self.step()
+            if result is not Result.RUNNING or until():
+                return result
+        raise AssertionError(self.log)
+
+
+def test_the_nominal_branch_picks_up_delivers_and_returns() -> None:
+    robot = Cary(True)
+
+    assert robot.run() is Result.SUCCESS
+    assert robot.log == [
+        *("drive to observation_pose", "reached observation_pose"),
+        *("look", "drive to container", "reached container", "look", "rotate 180"),
+        *("drive to wheels", "reached wheels", "raise the fork"),
+        *("drive to delivery_pose", "reached delivery_pose", "lower the fork", "mission completed"),
+        *("drive to start", "reached start"),
+    ]
+    assert robot.mission_scope.get("outcome") == "completed"
+
+
+def test_a_container_that_is_not_found_from_the_first_pose_is_found_from_the_second() -> None:
+    robot = Cary(False, True)
+
+    assert robot.run() is Result.SUCCESS
+    assert robot.log[2:6] == ["look", "drive to second pose", "reached second pose", "look"]
+    assert robot.mission_scope.get("outcome") == "completed"
+
+
+def test_a_container_that_is_not_found_at_all_is_told_and_the_robot_returns() -> None:
+    robot = Cary(False)
+
+    assert robot.run() is Result.SUCCESS
+    assert robot.log[2:] == [
+        *("look", "drive to second pose", "reached second pose", "look", "no roll container found"),
+        *("mission aborted", "drive to start", "reached start"),
+    ]
+    assert robot.mission_scope.get("outcome") == "aborted"
+
+
+def test_a_full_container_goes_to_the_general_delivery_pose_instead() -> None:
+    """Situation (a): the delivery to the second picking area is aborted."""
+    robot = Cary(True)
+    robot.run(until=lambda: robot.log[-1] == "drive to delivery_pose")
+
+    robot.mission_scope.create("course", "deliver")
+
+    assert robot.run() is Result.SUCCESS
+    after = robot.log.index("drive to delivery_pose") + 1
+    assert robot.log[after:] == [
+        *("stopped on the way to delivery_pose", "drive to general_delivery", "reached general_delivery"),
+        *("lower the fork", "roll container delivered", "drive to start", "reached start"),
+    ]
+
+
+@pytest.mark.parametrize(("course", "pose"), [("start", "start"), ("dock", "charging_station")])
+def test_another_course_aborts_the_pick_up_through_the_graph(course: str, pose: str) -> None:
+    """Situation (b), as Figure 3 shows it: the executor of the pick-up sees its task aborted, and stops its tree."""
+    robot = Cary(True)
+    robot.run(until=lambda: robot.log[-1] == "drive to container")
+
+    robot.mission_scope.create("course", course)
+
+    assert robot.run() is Result.SUCCESS
+    handover = robot.knowledge.snapshot().handover("picking_up")
+    assert (handover.stage, handover.reason) == (Stage.ABORTED, "requester")
+    after = robot.log.index("drive to container") + 1
+    assert robot.log[after : after + 3] == [f"drive to {pose}", "stopped on the way to container", f"reached {pose}"]
+    assert not robot.picking.root.is_running
+
+
+def test_an_unknown_course_is_the_nominal_one() -> None:
+    robot = Cary(True)
+    robot.mission_scope.create("course", "pick")
+
+    assert robot.step() is Result.RUNNING
+    assert robot.log == ["drive to observation_pose"]
+
+
+@pytest.mark.parametrize("name", ["mission", "pick_up"])
+def test_the_files_are_as_we_write_them_but_for_places_of_comments(name: str) -> None:
+    path = ROOT / "specs" / "trees" / f"{name}.xml"
+    forest, _ = read(path, ROOT)
+    assert forest is not None
+
+    assert write(forest.files[0]) == path.read_text("utf-8")

@@ -1,0 +1,55 @@
+"""The page on trees names every node, whether supported or refused, every condition and every finding."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from codra_dsl.trees import RULES
+from codra_dsl.trees.catalogue import AFTER, BEFORE, BUILT_IN, REFUSED
+from tests.trees.stories import compiled, document
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "reference" / "trees.md").read_text("utf-8")
+TESTS = "".join(path.read_text("utf-8") for path in sorted((ROOT / "tests" / "trees").glob("test_*.py")))
+
+
+def rows(heading: str) -> dict[str, str]:
+    """The first and the last cell of each row of a table, by its first heading."""
+    table = PAGE.split(f"| {heading} |")[1].split("\n\n")[0].splitlines()[2:]
+    cells = [re.split(r"(?<!\\\\) \| ", row.strip("| ")) for row in table]
+    return {row[0]: row[-1] for row in cells}
+
+
+def test_every_supported_node_has_a_row_that_names_its_tests() -> None:
+    switches = {f"`Switch{cases}`" for cases in range(2, 7)}
+    named = rows("node")
+
+    assert {f"`{node}`" for node in BUILT_IN} - switches == set(named) - {"`Switch2` to `Switch6`"}
+    for node, file in named.items():
+        tag = node.split("`")[1].rstrip("2") if "Switch" in node else node.strip("`")
+        assert f"<{tag}" in (ROOT / "tests" / "trees" / file.strip("`")).read_text("utf-8")
+
+
+def test_every_refused_node_has_a_row_with_its_way_out() -> None:
+    named = rows("refused")
+
+    assert {node: named[f"`{node}`"] for node in REFUSED} == dict(REFUSED)
+
+
+def test_every_condition_and_every_finding_is_on_the_page() -> None:
+    assert [name for name in (*BEFORE, *AFTER) if f"`{name}`" not in PAGE] == []
+    assert [
+        rule.code for rule in RULES.values() if f"| {rule.code} | `{rule.name}` | {rule.severity} |" not in PAGE
+    ] == []
+
+
+def test_every_finding_is_tested() -> None:
+    assert [name for name in RULES if name not in TESTS] == []
+
+
+def test_the_deepest_trees_that_are_accepted_are_compiled_and_ticked() -> None:
+    depth = 46
+    inner = "<Inverter>" * depth + "<AlwaysSuccess/>" + "</Inverter>" * depth
+
+    exec(compile(compiled(document(inner)), "deep.py", "exec"), {})

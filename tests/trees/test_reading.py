@@ -1,0 +1,302 @@
+"""What is wrong with a file of trees: told at once, with place and way out; hostile files are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.trees import RULES, check, read, read_text
+from codra_dsl.trees.catalogue import BUILT_IN, REFUSED
+from codra_dsl.trees.elements import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS
+from tests.trees.stories import document, findings, told
+
+MOVE = """<Action ID="Move"><input_port name="goal" type="double"/><inout_port name="pose" type="Pose" default="{p}"/>
+<output_port name="error"/></Action>
+<Condition ID="Ready"><input_port name="pose" type="Point" default="{r}"/></Condition>
+<SubTree ID="Typed"><input_port name="in"/><output_port name="out" default="{o}"/></SubTree>"""
+TYPED = '<BehaviorTree ID="Typed"><AlwaysSuccess/></BehaviorTree>'
+
+
+def wrong(body: str) -> list[str]:
+    """The findings of a tree Main: name, message and way out."""
+    found = findings(document(body, MOVE, TYPED))
+    return [f"{each.rule.name}: {each.message} | {each.help}" for each in found]
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("<Sequenc><Move goal='1'/></Sequenc>", "unknown-tree-node: unknown node 'Sequenc' | did you mean 'Sequence'?"),
+        ("<Qwertz/>", "unknown-tree-node: unknown node 'Qwertz' | declare it: <TreeNodesModel><Action ID=\"Qwertz\"/>"),
+        ("<Typed/>", "unknown-tree-node: unknown node 'Typed' | write <SubTree ID=\"Typed\"/>"),
+        ("<Control ID='Own'/>", "unknown-tree-node: unknown node 'Own' | declare it"),
+        ("<Sequence/>", "wrong-children: 'Sequence' has no children, not 1 or more | add or remove nodes below it"),
+        (
+            "<Inverter><AlwaysSuccess/><AlwaysFailure/></Inverter>",
+            "wrong-children: 'Inverter' has 2 children, not 1 | put several below one node, e.g. <Sequence>",
+        ),
+        ("<IfThenElse><AlwaysSuccess/></IfThenElse>", "wrong-children: 'IfThenElse' has 1 child, not 2 to 3"),
+        (
+            '<Switch2 variable="{a}" case_1="1" case_2="2"><AlwaysSuccess/><AlwaysFailure/></Switch2>',
+            "wrong-children: 'Switch2' has 2 children, not 3",
+        ),
+        (
+            "<Move goal='1'><AlwaysSuccess/></Move>",
+            "wrong-children: 'Move' has 1 child, not 0 | close it at once: <.../>",
+        ),
+        ("<Move/>", "missing-port: 'Move' needs its port 'goal' | write goal=\"...\" or goal=\"{entry}\""),
+        ("<Move goal='1' gaol='2'/>", "unknown-port: 'Move' has no port 'gaol' | did you mean 'goal'?"),
+        ("<Move goal='1' speed='2'/>", "unknown-port: 'Move' has no port 'speed' | its ports are goal, pose, error"),
+        ("<Move goal='far'/>", "port-value: 'goal' is 'far', not a value of the type double | write one, or an entry"),
+        (
+            "<Move goal='{}'/>",
+            "port-value: 'goal' is '{}', not a text or an entry | write {name}: letters, digits and _",
+        ),
+        ("<Move goal='{a'/>", "port-value: 'goal' is '{a', not a text or an entry"),
+        (
+            "<Move goal='1' error='e'/>",
+            "port-value: 'error' is 'e', not an entry, since the node writes it | write {e}",
+        ),
+        ("<Sleep/>", "missing-port: 'Sleep' needs its port 'msec'"),
+        ("<Sleep msec='-1'/>", "port-value: 'msec' is '-1', not a whole number of milliseconds, at least 0"),
+        ("<Sleep msec='1.5'/>", "port-value: 'msec' is '1.5', not a whole number of milliseconds, at least 0"),
+        (
+            "<Repeat num_cycles='x'><AlwaysSuccess/></Repeat>",
+            "port-value: 'num_cycles' is 'x', not a whole number | correct it",
+        ),
+        (
+            "<Parallel success_count='2'><AlwaysSuccess/></Parallel>",
+            "port-value: 'success_count' is '2', not at most 1, the number of children | correct it",
+        ),
+        (
+            "<Precondition if='true' else='MAYBE'><AlwaysSuccess/></Precondition>",
+            "port-value: 'else' is 'MAYBE', not SUCCESS, FAILURE, SKIPPED or RUNNING",
+        ),
+        (
+            "<SetBlackboard value='1' output_key='{k}'/>",
+            "port-value: 'output_key' is '{k}', not the name of an entry, without braces | write k",
+        ),
+        ("<SubTree ID='Typd'/>", "unknown-subtree: there is no tree 'Typd' | did you mean 'Typed'?"),
+        ("<SubTree ID='Typed'/>", "missing-port: 'SubTree' needs its port 'in'"),
+        ("<SubTree ID='Typed' in='1' on='2'/>", "unknown-port: the tree 'Typed' has no port 'on' | did you mean"),
+        ("<SubTree ID='Typed' in='1' out='2'/>", "port-value: 'out' is '2', not an entry, since the node writes it"),
+        ("<SubTree ID='Typed' in='1' _autoremap='yes'/>", "port-value: '_autoremap' is 'yes', not true or false"),
+        ("<SubTree ID='Main'/>", "subtree-recursion: subtrees go round in a circle: Main -> Main | a tree cannot hold"),
+        ("<AlwaysSuccess _skipif='true'/>", "unknown-port: there is no condition '_skipif' | did you mean '_skipIf'?"),
+        ("<AlwaysSuccess _mark='1'/>", "attribute-without-effect: '_mark' has no effect | remove it; it is kept"),
+        ("<AlwaysSuccess/>text", "xml-not-kept: the text 'text' means nothing in a tree | remove it, or make it"),
+        ("<?php x?><AlwaysSuccess/>", "xml-not-kept: <?php ...?> means nothing in a tree | remove it"),
+        ("<AlwaysSuccess/><AlwaysFailure/>", "wrong-children: a tree has one root, and this has 2 nodes | put them"),
+        ("<Action/>", "missing-attribute: <Action> has no 'ID' | write <Action ID=\"...\">"),
+        (
+            "<Sequence><Move goal='1' pose='{p}'/><Ready pose='{p}'/></Sequence>",
+            "entry-types-differ: the entry 'p' is Point here, and Pose elsewhere | use two entries",
+        ),
+    ],
+)
+def test_a_mistake_is_told_with_its_way_out(body: str, expected: str) -> None:
+    (found, *_) = wrong(body)
+
+    assert found.startswith(expected)
+
+
+@pytest.mark.parametrize("node", sorted(REFUSED))
+def test_what_is_refused_says_what_to_write_instead(node: str) -> None:
+    (found,) = findings(document(f"<Sequence><{node}/></Sequence>"))
+
+    assert found.message == f"'{node}' cannot be compiled"
+    assert found.help == REFUSED[node]
+    assert (found.place.span.line, found.place.span.column) == (1, document("").index("</Beh") + len("<Sequence>") + 1)
+
+
+def test_no_node_is_both_supported_and_refused() -> None:
+    assert not set(BUILT_IN) & set(REFUSED)
+
+
+def test_all_mistakes_of_a_file_are_told_at_once_in_order_with_their_places() -> None:
+    text = """<root BTCPP_format="4">
+  <BehaviorTree ID="A">
+    <Sequence>
+      <Sleep msec="soon"/>
+      <Sleeep msec="1"/>
+      <Sleep
+         mesc="1"/>
+      <Script code="x := (1"/>
+      <SubTree ID="B"/>
+    </Sequence>
+  </BehaviorTree>
+  <BehaviorTree ID="A"><Sequence/></BehaviorTree>
+  <TreeNodeModel/>
+</root>"""
+
+    assert sorted(told(text)) == sorted(
+        [
+            "13:3 misplaced-element",
+            "12:21 duplicate-tree",
+            "12:24 wrong-children",
+            "4:20 port-value",
+            "5:7 unknown-tree-node",
+            "6:7 missing-port",
+            "7:10 unknown-port",
+            "8:27 script-syntax",
+            "9:7 unknown-subtree",
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("<root/>", "no-tree-file: this is no file of BehaviorTree.CPP 4: no BTCPP_format"),
+        ('<root BTCPP_format="3"/>', "no-tree-file: this is no file of BehaviorTree.CPP 4: 3"),
+        ('<tree BTCPP_format="4"/>', "no-tree-file: this is no file of BehaviorTree.CPP 4: <tree>"),
+        ('<root BTCPP_format="4"/>', "no-tree-file: the file has no trees"),
+        ('<root BTCPP_format="4" main_tree_to_execute="M"/>', "no-tree-file: the file has no trees"),
+        (
+            '<root BTCPP_format="4"><TreeNodesModel><Control ID="X"/></TreeNodesModel></root>',
+            "no-tree-file: the file has no trees",
+        ),
+        ("", "xml-syntax: this is no XML: no element found"),
+        ("<root>", "xml-syntax: this is no XML: no element found"),
+        ("<root></tree>", "xml-syntax: this is no XML: mismatched tag"),
+        ('<root a="1" a="2"/>', "xml-syntax: this is no XML: duplicate attribute"),
+        ("<root a='&nbsp;'/>", "xml-syntax: this is no XML: undefined entity"),
+    ],
+)
+def test_what_is_no_file_of_trees_is_told(text: str, expected: str) -> None:
+    found = findings(text)[0]
+
+    assert f"{found.rule.name}: {found.message}" == expected
+    assert found.help
+
+
+def test_a_remapped_entry_that_the_subtree_never_uses_is_told() -> None:
+    others = '<BehaviorTree ID="Go"><Script code="goal := 1" _skipIf="ready" _post="done := 2"/></BehaviorTree>'
+    body = '<SubTree ID="Go" gaol="{g}" ready="{r}" done="{d}"/>'
+    (found,) = findings(document(body, "", others))
+
+    assert (found.rule.name, found.severity) == ("unused-remap", "warning")
+    assert found.help == "did you mean 'goal'?"
+
+
+@pytest.mark.parametrize("kind", ["Control", "Decorator"])
+def test_nodes_of_ones_own_can_only_be_leaves(kind: str) -> None:
+    (found,) = findings(document("<AlwaysSuccess/>", f'<{kind} ID="Own"/>'))
+
+    assert (found.rule.name, found.message) == ("unsupported-tree-node", f"'Own' is a {kind.lower()} node of one's own")
+
+
+def test_columns_count_letters_not_bytes() -> None:
+    line = document("<Sequence name='\u00e4\u2603\U0001f916'><Sleep msec='soon'/></Sequence>")
+
+    assert told(line) == [f"1:{line.index('soon') + 1} port-value"]
+
+
+# Hostile files
+
+BOMB = '<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]><root n="&c;"/>'
+OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]><root BTCPP_format="4">&x;</root>'
+
+
+@pytest.mark.parametrize(
+    ("data", "rule"),
+    [
+        (BOMB.encode(), "xml-doctype"),
+        (OUTSIDE.encode(), "xml-doctype"),
+        (b'<!DOCTYPE r SYSTEM "http://localhost/x.dtd"><root/>', "xml-doctype"),
+        (b"<a>" * (MAX_DEPTH + 1), "tree-too-deep"),
+        (b"<a>" * 200_000, "tree-too-deep"),
+        (b"<a>" + b"<b/>" * MAX_ELEMENTS + b"</a>", "too-many-tree-nodes"),
+        (b"<a " + b" ".join(b'x%d="1"' % number for number in range(100)) + b"/>", "too-many-tree-nodes"),
+        (b"<a x='" + b"y" * 5000 + b"'/>", "tree-file-too-large"),
+        (b"<a>" + b" " * MAX_BYTES + b"</a>", "tree-file-too-large"),
+        ("<root/>".encode("utf-16"), "not-utf-8"),
+        (b'<?xml version="1.0" encoding="UTF-16"?><root/>', "xml-encoding"),
+        (b'<?xml version="1.0" encoding="latin-1"?><root a="\xe4"/>', "not-utf-8"),
+        (b"\x00<root/>", "control-character"),
+        (b"<root a='\xed\xa0\x80'/>", "not-utf-8"),
+        (b"<root>&#0;</root>", "xml-syntax"),
+        (b"<root", "xml-syntax"),
+    ],
+)
+def test_a_hostile_file_is_refused(data: bytes, rule: str) -> None:
+    file, found = read_text(data, "hostile.xml")
+
+    assert file is None
+    assert found[-1].rule.name == rule
+
+
+def test_a_tree_that_grows_exponentially_by_its_subtrees_is_refused() -> None:
+    trees = "".join(
+        f'<BehaviorTree ID="T{n}"><Sequence><SubTree ID="T{n + 1}"/><SubTree ID="T{n + 1}"/></Sequence></BehaviorTree>'
+        for n in range(60)
+    )
+    last = '<BehaviorTree ID="T60"><AlwaysSuccess/></BehaviorTree>'
+
+    assert [each.split()[1] for each in told(document("<SubTree ID='T0'/>", "", trees + last))] == [
+        "too-many-tree-nodes"
+    ]
+
+
+def test_the_circle_of_a_recursion_is_shown_whole() -> None:
+    others = "".join(f'<BehaviorTree ID="{a}"><SubTree ID="{b}"/></BehaviorTree>' for a, b in ("AB", "BC", "CA"))
+    (found,) = findings(document("<SubTree ID='A'/>", "", others))
+
+    assert found.message == "subtrees go round in a circle: A -> B -> C -> A"
+
+
+@given(st.binary(max_size=300) | st.text(alphabet="<>/='\" rotABCSequencéID&#;!-[]", max_size=200).map(str.encode))
+def test_any_bytes_are_read_or_refused(data: bytes) -> None:
+    file, found = read_text(data, "any.xml")
+
+    assert file is not None or found
+
+
+# Includes
+
+PART = '<root BTCPP_format="4"><BehaviorTree ID="Part"><AlwaysSuccess/></BehaviorTree>{}</root>'
+WHOLE = '<root BTCPP_format="4">{}<BehaviorTree ID="Main"><SubTree ID="Part"/></BehaviorTree></root>'
+
+
+def test_included_files_are_read_once_wherever_they_stand_in_the_project(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "part.xml").write_text(PART.format('<include path="../main.xml"/>'))
+    (tmp_path / "main.xml").write_text(WHOLE.format('<include path="parts/part.xml"/>' * 2))
+
+    forest, found = read(tmp_path / "main.xml", tmp_path)
+    assert found == ()
+    assert forest is not None
+    assert [file.file for file in forest.files] == ["main.xml", "parts/part.xml"]
+    assert check(forest)[1] == ()
+    assert forest.main == "Main"
+
+
+@pytest.mark.parametrize(
+    ("include", "message"),
+    [
+        ('<include path="../outside.xml"/>', "'../outside.xml' is outside of the project"),
+        ('<include path="/etc/passwd"/>', "'/etc/passwd' is outside of the project"),
+        ('<include path="link.xml"/>', "'link.xml' is outside of the project"),
+        ('<include path="none.xml"/>', "there is no file 'none.xml'"),
+        ('<include path="."/>', "there is no file '.'"),
+        (f'<include path="{"n" * 3000}"/>', f"there is no file '{'n' * 3000}'"),
+        ('<include ros_pkg="p" path="part.xml"/>', "packages of ROS are not searched"),
+    ],
+)
+def test_what_cannot_be_included_is_told_at_its_place(tmp_path: Path, include: str, message: str) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    (tmp_path / "outside.xml").write_text(PART.format(""))
+    (project / "link.xml").symlink_to(tmp_path / "outside.xml")
+    (project / "main.xml").write_text(WHOLE.format(include))
+
+    _, found = read(project / "main.xml", project)
+    assert [(each.rule.name, each.message) for each in found] == [("tree-include", message)]
+    assert found[0].place.span.line == 1
+
+
+def test_each_rule_has_a_code_of_its_own() -> None:
+    assert len({rule.code for rule in RULES.values()}) == len(RULES)

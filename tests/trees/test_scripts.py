@@ -1,0 +1,156 @@
+"""The scripting language, against BehaviorTree.CPP's guide to it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.runtime.trees import Robot, Scope, TreeError
+from codra_dsl.trees.scripts import ScriptProblem, parse_condition, parse_script
+from tests.trees.stories import compiled, document, findings, main_tree
+
+_ESCAPE = str.maketrans({"&": "&amp;", "<": "&lt;", '"': "&quot;"})
+
+
+def after(code: str, scope: Scope | None = None) -> Scope:
+    """The entries after a script."""
+    tree = main_tree(document(f'<Script code="{code.translate(_ESCAPE)}"/>'), Robot(), scope=scope)
+    tree.tick()
+    return tree.scope
+
+
+def value(expression: str, **entries: object) -> object:
+    """What an expression comes to."""
+    scope = Scope()
+    for name, each in entries.items():
+        scope.create(name, each)
+    return after(f"result := {expression}", scope).get("result")
+
+
+@pytest.mark.parametrize(
+    ("code", "expected"),
+    [
+        ("param_A := 42; param_B := 3.14; message := 'hello world'", {"param_A": 42, "message": "hello world"}),
+        (
+            "param_A := 7; param_B := 5; param_B *= 2; param_C := (param_A * 3) + param_B",
+            {"param_B": 10, "param_C": 31},
+        ),
+        ("a := 1; a += 2; b := 9; b -= 4; c := 7; c /= 2", {"a": 3, "b": 5, "c": 3.5}),
+        ("val_A := true; val_B := 5 > 3; val_C := (val_A == val_B)", {"val_B": True, "val_C": True}),
+        ("a := true; b := 5 > 3; d := (a && b) || !a", {"d": True}),
+        ("a := 2; b := (a > 1) ? 42 : 24", {"b": 42}),
+        ("s := 'ab'; s += 'c'", {"s": "abc"}),
+        ("value := 0x7F;", {"value": 127}),
+        ("b := !false", {"b": 1}),
+    ],
+)
+def test_the_examples_of_the_guide(code: str, expected: dict[str, object]) -> None:
+    scope = after(code)
+
+    assert {name: scope.get(name) for name in expected} == expected
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [
+        ("1 + 2 * 3 - 4 / 2", 5),
+        ("10 - 4 - 3", 3),
+        ("-x + -(x - 1)", -9),
+        ("x == 5 && y != 'b' || false", True),
+        ("!(x == 5) || y == 'a'", True),
+        ("!x == 0", True),
+        ("1 < x < 6", True),
+        ("1 < x < 5", False),
+        ("text == 42 && 42 == text && text > 41", True),
+        ("x > 3 ? x > 4 ? 'big' : 'middle' : 'small'", "big"),
+        ("(x > 9 || y == 'a') && x >= 5", True),
+        ("x / 0", math.inf),
+        ("-x / 0", -math.inf),
+        ("x && y == 'a'", True),
+    ],
+)
+def test_operators_hold_as_in_c(expression: str, expected: object) -> None:
+    assert value(expression, x=5, y="a", text="42") == expected
+
+
+def test_a_long_script_has_a_function_of_its_own_and_means_the_same() -> None:
+    long = " && ".join(f"x != 'a text that makes it long {number}'" for number in range(5))
+    body = f'<Sequence><ScriptCondition code="{long} && 7"/><Script code="y := {long} && 7"/></Sequence>'
+    text = document(body.replace("&", "&amp;"))
+    scope = Scope()
+    scope.create("x", "b")
+
+    assert "def _script_2_of_main_tree(it: Scope) -> object:" in compiled(text)
+    main_tree(text, Robot(), scope=scope).tick()
+    assert scope.get("y") is True
+
+
+def test_names_of_an_enum_are_their_numbers() -> None:
+    body = '<Sequence><Script code="color := RED"/><ScriptCondition code="color != BLUE"/></Sequence>'
+
+    module = compiled(document(body), {"RED": 1, "BLUE": 2})
+    assert 'create("color", lambda it: 1)' in module
+    assert 'script_condition(lambda it: it["color"] != 2)' in module
+
+
+def test_equals_needs_an_entry_and_colon_equals_makes_one() -> None:
+    with pytest.raises(TreeError, match="there is no entry 'a' yet: entries are b"):
+        after("b := 1; a = 1")
+    assert after("a := 1; a = 2").get("a") == 2
+
+
+def test_an_entry_keeps_the_type_of_its_first_value() -> None:
+    with pytest.raises(TreeError, match="the entry 'a' holds a number, and 'x' is a text"):
+        after("a := 1; a := 'x'")
+    assert after("a := 1; a := '2.5'").get("a") == 2.5
+
+
+@pytest.mark.parametrize("expression", ["'a' - 1", "x < 'a'", "y + 1", "y && true"])
+def test_what_has_no_meaning_is_an_error_when_it_is_asked(expression: str) -> None:
+    with pytest.raises((TreeError, TypeError)):
+        value(expression, x=1, y="a")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "underlined", "rule", "help_"),
+    [
+        ('_skipIf="a & b"', "&", "script-unsupported", "use &&, || and !, or compute it in an action of the robot"),
+        ('_skipIf="a := 1"', ":=", "script-unsupported", "write '==' to compare"),
+        ('_skipIf="a ="', "=", "script-unsupported", "write '==' to compare"),
+        ('_skipIf="(a"', "a", "script-syntax", "complete it"),
+        ('_skipIf="a b"', "b", "script-syntax", "remove it, or add an operator"),
+        ('_skipIf=""', '"', "script-syntax", "complete it"),
+        ("_skipIf='a == \"x\"'", '"', "script-syntax", "put texts between '...'"),
+        ('_onSuccess="a + 1"', "a", "script-unsupported", "write entry := value; what is only asked"),
+        ('_onSuccess="a := 1 b := 2"', "b", "script-syntax", "remove it, or add an operator"),
+        ('_onSuccess=""', '"', "script-syntax", "write a statement such as done := true"),
+        ('_onSuccess="a := 1e999"', "1e999", "script-unsupported", "write a smaller one"),
+    ],
+)
+def test_a_script_that_cannot_be_compiled_is_told_with_its_place(
+    attribute: str, underlined: str, rule: str, help_: str
+) -> None:
+    line = document(f"<A {attribute.replace('&', '&amp;')}/>")
+    (found,) = findings(line)
+    span = found.place.span
+
+    assert found.rule.name == rule
+    assert found.help.startswith(help_)
+    whole = "a &amp; b"  # offsets within a value with references are not those in the file
+    assert line[span.column - 1 : span.end_column - 1] == (whole if "&" in attribute else underlined)
+
+
+@given(st.text(alphabet="ab1 .'()!&|<>=+-*/?:;~^@", max_size=60))
+def test_any_text_is_a_script_or_has_a_problem(text: str) -> None:
+    for parsed in (parse_condition(text), parse_script(text)):
+        if isinstance(parsed, ScriptProblem):
+            assert 0 <= parsed.start <= parsed.end <= len(text) + 1
+            assert parsed.help
+
+
+@pytest.mark.parametrize("text", ["(" * 5000, "!" * 5000, "a?" * 5000, "1+" * 5000 + "1", "-" * 9999 + "1"])
+def test_a_script_without_bound_is_refused(text: str) -> None:
+    assert isinstance(parse_condition(text), ScriptProblem)
