@@ -123,6 +123,20 @@ class Mission:
         except OutOfReachError as error:
             raise MissionError(str(error)) from error
 
+    def wait_beside(self, machine: str, until_s: float) -> None:
+        """Drive to a machine and open it, wait beside it to an instant, and close it.
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+        """
+        try:
+            self._drive_to(machine)
+            self.open_machine(machine)
+            self._clock.sleep(max(until_s - self._clock.now_s(), 0.0))
+            self.close_machine(machine)
+        except OutOfReachError as error:
+            raise MissionError(str(error)) from error
+
     def _process_a_batch(self) -> None:
         self._visit(CENTRIFUGE, self._take_from_centrifuge)
         self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))

@@ -1,0 +1,164 @@
+"""How arms stand beside each other over several variables: one line an arm, with paired intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from codra_dsl.experiments.counting import Answers, Lags, Seconds, answers, in_window, lags, total
+from codra_dsl.experiments.document import Cell, Table
+from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
+from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.robustness.cells import interval, plain_table, ratio, rounded
+from codra_dsl.experiments.robustness.findings import Counted, Runs, paper, plain, strict
+from codra_dsl.experiments.statistics import Estimate, ratio_difference, ratio_of_sums
+
+LIDS_AND_LATCHES = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
+"""What decisions rest on that is seen."""
+
+IN_VIEW = tuple(f"{machine}_{part}_in_FOV" for machine in ("centrifuge", "pcr_cycler") for part in ("base", "lid"))
+"""What says when these can be seen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """What one arm knew of some variables over runs, and what it cost.
+
+    Attributes:
+        seconds: in the common windows, over all variables and runs.
+        paper_difference: of the ratio, less that of the arm it is compared with; None if it is that arm.
+        strict_difference: likewise of the strict ratio.
+        triggers: jobs of all algorithms that need the vision slot.
+        slot_share: of the runs' time in which its observers held the slot.
+    """
+
+    arm: str
+    seconds: Seconds
+    paper_difference: Estimate | None
+    strict_difference: Estimate | None
+    answers: Answers
+    lags: Lags
+    triggers: int
+    slot_share: float
+
+    @property
+    def paper_ratio(self) -> float | None:
+        """Return right of held seconds."""
+        return ratio_of_sums([self.seconds.paper])
+
+    @property
+    def strict_ratio(self) -> float | None:
+        """Return right of all seconds."""
+        return ratio_of_sums([self.seconds.strict])
+
+
+def reported_seeds(settings: Settings) -> range:
+    """Return the seeds that a report is made of."""
+    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
+
+
+def standings(
+    outcomes: Sequence[Outcome], variables: Sequence[str], against: str, vision: Sequence[str]
+) -> Sequence[Standing]:
+    """Return how all arms of some runs stand.
+
+    Args:
+        outcomes: at least one, all with the same arms.
+        variables: over which seconds, changes and decisions are added up.
+        against: the arm that the others are compared with.
+        vision: the algorithms that need the vision slot.
+    """
+    return [standing(outcomes, variables, arm, against, vision) for arm in outcomes[0].arms]
+
+
+def standing(
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, vision: Sequence[str]
+) -> Standing:
+    """Return how one arm stands."""
+    runs = Runs(outcomes)
+    asked = [each for outcome in outcomes for each in outcome.decisions if each.variable in variables]
+    found = [lags(outcome.arms[arm].held[name], outcome.truth[name]) for outcome in outcomes for name in variables]
+    return Standing(
+        arm=arm,
+        seconds=total(pooled(outcome, variables, arm) for outcome in outcomes),
+        paper_difference=None if arm == against else difference(outcomes, variables, arm, against, paper),
+        strict_difference=None if arm == against else difference(outcomes, variables, arm, against, strict),
+        answers=answers(asked, arm),
+        lags=sum(found, Lags()),
+        triggers=sum(runs.triggers(arm, vision)),
+        slot_share=runs.slot_s(arm) / runs.duration_s,
+    )
+
+
+def pooled(outcome: Outcome, variables: Sequence[str], arm: str) -> Seconds:
+    """Return an arm's seconds in the common windows of several variables, added up."""
+    return total(in_window(outcome, name, arm) for name in variables)
+
+
+def difference(
+    outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, counted: Counted
+) -> Estimate:
+    """Return how much better one arm knew some variables than another, with its interval over paired runs."""
+    left, right = ([counted(pooled(each, variables, name)) for each in outcomes] for name in (arm, against))
+    return ratio_difference(left, right)
+
+
+_HEADER = (
+    *("arm", "ratio", "strict ratio", "ratio, difference", "strict, difference", "wrong s", "unknown s"),
+    *("asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share"),
+)
+
+
+def standings_table(found: Sequence[Standing], caption: str) -> Table:
+    """Return one line an arm."""
+    table = plain_table(caption, _HEADER, [_line(one) for one in found])
+    wrong = frozenset((row, 8) for row, one in enumerate(found) if one.answers.wrong)
+    return Table(caption=caption, header=table.header, rows=table.rows, marked=wrong)
+
+
+def _line(one: Standing) -> Sequence[Cell]:
+    return (
+        one.arm,
+        ratio(one.seconds.paper),
+        ratio(one.seconds.strict),
+        None if one.paper_difference is None else interval(one.paper_difference),
+        None if one.strict_difference is None else interval(one.strict_difference),
+        round(one.seconds.wrong_s, 1),
+        round(one.seconds.unknown_s, 1),
+        one.answers.right,
+        one.answers.wrong,
+        one.answers.fell_back,
+        rounded(one.lags.quantile_s(0.5), 1),
+        one.lags.unseen,
+        one.triggers,
+        rounded(one.slot_share, 3),
+    )
+
+
+def standings_as_data(found: Sequence[Standing]) -> Mapping[str, Any]:
+    """Return how arms stand as plain data, by arm."""
+    return {
+        one.arm: {
+            "window_s": asdict(one.seconds),
+            "paper_ratio": one.paper_ratio,
+            "strict_ratio": one.strict_ratio,
+            "paper_ratio_difference": None if one.paper_difference is None else plain(one.paper_difference),
+            "strict_ratio_difference": None if one.strict_difference is None else plain(one.strict_difference),
+            "asked": asdict(one.answers),
+            "lag_median_s": one.lags.quantile_s(0.5),
+            "changes_never_seen": one.lags.unseen,
+            "vision_triggers": one.triggers,
+            "slot_share": one.slot_share,
+        }
+        for one in found
+    }
+
+
+def runs_sentence(outcomes: Sequence[Outcome]) -> str:
+    """Return what was run, in a sentence."""
+    seeds = sorted({outcome.seed for outcome in outcomes})
+    minutes = sum(outcome.duration_s for outcome in outcomes) / 60
+    failed = sum(outcome.error is not None for outcome in outcomes)
+    ended = f"; {failed} ended with an unrecoverable error" if failed else ""
+    return f"{len(outcomes)} runs of seeds {seeds[0]} to {seeds[-1]}, {minutes:.0f} simulated minutes together{ended}."

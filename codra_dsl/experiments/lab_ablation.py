@@ -1,0 +1,128 @@
+"""`lab-ablation`: what is each precondition and each refinement worth?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS, Arm, Need
+from codra_dsl.experiments.beyond.standing import (
+    IN_VIEW,
+    LIDS_AND_LATCHES,
+    Standing,
+    reported_seeds,
+    runs_sentence,
+    standings,
+    standings_as_data,
+    standings_table,
+)
+from codra_dsl.experiments.beyond.works import BOTH_AND_BACK
+from codra_dsl.experiments.document import Document, Section, Words
+from codra_dsl.experiments.edits import Without
+from codra_dsl.experiments.experiment import Experiment, Settings
+from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.robustness.cells import interval
+from codra_dsl.experiments.robustness.findings import vision_algorithms
+from codra_dsl.experiments.robustness.tables import arms_table
+from codra_dsl.experiments.spec_run import loaded
+from codra_dsl.experiments.trials import Trial
+from codra_dsl.model import Algorithm, Spec
+
+_MACHINES = ("centrifuge", "pcr_cycler")
+
+_NOTE = (
+    "Each arm lacks one condition, wherever the spec asks for it: of observable_when (a precondition) or of "
+    "accept_when (a refinement). All of them observe everything all the time that the other conditions hold, on the "
+    "same frames; naive observers lack all conditions. The main execution tends the centrifuge, the PCR-cycler and the "
+    "centrifuge again, which is shorter than a loop: no tray is carried and no rotor turned."
+)
+
+
+def conditions(spec: Spec) -> Sequence[Without]:
+    """Return what can be taken away: each condition of algorithms that are alike once, whatever their machine."""
+    found = (
+        Without(algorithm=_alike(algorithm), condition=_without_machine(condition.text))
+        for algorithm in spec.perception
+        for condition in (*algorithm.observable_when, *algorithm.accept_when)
+    )
+    return tuple(dict.fromkeys(found))
+
+
+def _alike(algorithm: Algorithm) -> str:
+    """Return the end of the names of all algorithms that do the same with another machine."""
+    for machine in _MACHINES:
+        _, found, end = algorithm.name.partition(machine)
+        if found:
+            return end
+    return algorithm.name
+
+
+def _without_machine(text: str) -> str:
+    return next((text.removeprefix(machine) for machine in _MACHINES if text.startswith(machine)), text)
+
+
+def arms(settings: Settings) -> tuple[Arm, ...]:
+    """Return the spec with all conditions, without each of them, and without any."""
+    removed = (
+        Arm(name=f"*{edit.algorithm} without *{edit.condition}", need=Need.EVERYTHING, edits=(edit,))
+        for edit in conditions(loaded(settings.spec))
+    )
+    return (PRECONDITIONS, *removed, NAIVE)
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return one run a seed, with all arms in it."""
+    compared = arms(settings)
+    return [
+        Trial(name=f"run-{seed}", spec=settings.spec, seed=seed, arms=compared, work=BOTH_AND_BACK)
+        for seed in reported_seeds(settings)
+    ]
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on the outcomes of `trials`.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
+    told, vision = list(outcomes.values()), vision_algorithms(loaded(settings.spec))
+    lids, views = (standings(told, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
+    caption = (
+        "{}, over all runs. Differences are to all conditions, with 95 % intervals over paired runs: below zero, the "
+        "condition that was taken away was worth something. Asked: what was held when a decision needed it. Marked: "
+        "wrong then."
+    )
+    sections = (
+        Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
+        Section(title="Lids and latches", parts=(standings_table(lids, caption.format("Lids and latches")),)),
+        Section(title="What is in view", parts=(standings_table(views, caption.format("Bases and lids in view")),)),
+    )
+    return Document(
+        title="lab-ablation: what each condition is worth",
+        summary=(*_summary("Lids and latches", lids), *_summary("What is in view", views), runs_sentence(told)),
+        sections=sections,
+        results={"lids_and_latches": standings_as_data(lids), "in_view": standings_as_data(views)},
+    )
+
+
+def _summary(what: str, found: Sequence[Standing]) -> Iterator[str]:
+    """Say which conditions are worth something for sure, which cost something, and of which nothing can be said."""
+    ablated = [one for one in found if one.arm not in (PRECONDITIONS.name, NAIVE.name)]
+    missed = [one for one in ablated if one.paper_difference is not None and one.paper_difference.is_negative]
+    better = [one for one in ablated if one.paper_difference is not None and one.paper_difference.is_positive]
+    yield f"{what}: the ratio falls, the whole interval below zero, in {_told(missed)}."
+    yield f"{what}: the ratio rises, the whole interval above zero, in {_told(better)}."
+    unsure = len(ablated) - len(missed) - len(better)
+    yield f"{what}: for {unsure} of {len(ablated)} conditions the interval holds zero, or there is none."
+
+
+def _told(found: Sequence[Standing]) -> str:
+    return "; ".join(f"{one.arm} ({interval(one.paper_difference)})" for one in found if one.paper_difference) or "none"
+
+
+EXPERIMENT = Experiment(
+    name="lab-ablation",
+    question="what is each precondition and each refinement of the spec worth?",
+    seeds=4,
+    trials=trials,
+    judge=judge,
+)

@@ -1,0 +1,211 @@
+"""The experiments beyond the paper, on short runs: made from real frames, and right by a recount."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.experiments import lab_ablation, lab_options
+from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS
+from codra_dsl.experiments.beyond.standing import LIDS_AND_LATCHES, pooled, standings
+from codra_dsl.experiments.beyond.works import Tending, Waiting
+from codra_dsl.experiments.document import Document, Table
+from codra_dsl.experiments.edits import Without
+from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Experiment, Settings
+from codra_dsl.experiments.lab_disturbances import EPISODES, LID, Belief, Episode, believed, right_again_s
+from codra_dsl.experiments.lab_disturbances import EXPERIMENT as DISTURBANCES
+from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.registry import experiments
+from codra_dsl.experiments.robustness.findings import Runs
+from codra_dsl.experiments.scoring import Piece
+from codra_dsl.experiments.spec_run import loaded
+from codra_dsl.experiments.trials import Trial, run_trial
+from codra_dsl.worlds.lab.laboratory import LABORATORY, LidMoved, PersonBefore
+
+SPEC = Path(__file__).parents[2] / "specs" / "lab.yaml"
+DURATION_S = 60.0
+
+
+def settings(folder: Path, seeds: int = 2) -> Settings:
+    return Settings(spec=SPEC, seeds=seeds, folder=folder)
+
+
+@dataclass(frozen=True)
+class Judged:
+    outcomes: Mapping[str, Outcome]
+    document: Document
+
+
+def judged(experiment: Experiment, folder: Path) -> Judged:
+    """Two short runs of an experiment, and the report on them."""
+    asked = settings(folder)
+    outcomes = {
+        trial.name: run_trial(replace(trial, duration_s=DURATION_S), folder / trial.name)
+        for trial in experiment.trials(asked)
+    }
+    return Judged(outcomes=outcomes, document=experiment.judge(asked, outcomes))
+
+
+@pytest.fixture(scope="module")
+def options(tmp_path_factory: pytest.TempPathFactory) -> Judged:
+    return judged(lab_options.EXPERIMENT, tmp_path_factory.mktemp("options"))
+
+
+@pytest.fixture(scope="module")
+def ablation(tmp_path_factory: pytest.TempPathFactory) -> Judged:
+    return judged(lab_ablation.EXPERIMENT, tmp_path_factory.mktemp("ablation"))
+
+
+def tables(document: Document) -> list[Table]:
+    return [part for section in document.sections for part in section.parts if isinstance(part, Table)]
+
+
+def test_they_are_found_by_name() -> None:
+    assert set(experiments()) >= {"lab-ablation", "lab-disturbances", "lab-options"}
+
+
+@pytest.mark.parametrize("experiment", [DISTURBANCES, lab_options.EXPERIMENT, lab_ablation.EXPERIMENT])
+def test_reports_are_made_of_seeds_that_nothing_was_tuned_on(experiment: Experiment, tmp_path: Path) -> None:
+    trials = experiment.trials(settings(tmp_path, experiment.seeds))
+
+    assert min(trial.seed for trial in trials) >= FIRST_REPORTED_SEED
+    assert len({trial.name for trial in trials}) == len(trials)
+    assert {trial.answering for trial in trials} == {None}
+
+
+def test_every_row_of_every_table_has_a_cell_for_each_column(options: Judged, ablation: Judged) -> None:
+    for table in (*tables(options.document), *tables(ablation.document)):
+        assert {len(row) for row in table.rows} <= {len(table.header)}
+        assert all(row < len(table.rows) and column < len(table.header) for row, column in table.marked)
+
+
+def test_the_same_outcomes_give_the_same_report_and_results_are_plain_data(options: Judged, tmp_path: Path) -> None:
+    again = lab_options.EXPERIMENT.judge(settings(tmp_path), options.outcomes)
+
+    assert again == options.document
+    assert json.loads(json.dumps(again.results, allow_nan=False))
+
+
+def test_an_option_that_the_spec_has_already_that_way_is_no_arm(tmp_path: Path) -> None:
+    spec = loaded(SPEC)
+
+    for arm in lab_options.arms(settings(tmp_path))[1:-1]:
+        (edit,) = arm.edits
+        assert edit(spec) != spec
+
+
+def test_each_condition_of_the_spec_is_taken_away_once(tmp_path: Path) -> None:
+    spec = loaded(SPEC)
+    taken = [edit for arm in lab_ablation.arms(settings(tmp_path))[1:-1] for edit in arm.edits]
+    lost = 0
+    for edit in taken:
+        assert isinstance(edit, Without)
+        lost += sum(
+            len(before.observable_when) + len(before.accept_when) - len(after.observable_when) - len(after.accept_when)
+            for before, after in zip(spec.perception, edit(spec).perception, strict=True)
+        )
+
+    assert lost == sum(len(each.observable_when) + len(each.accept_when) for each in spec.perception)
+    assert len(set(taken)) == len(taken) > 5
+
+
+def test_an_arm_stands_where_a_recount_puts_it(ablation: Judged) -> None:
+    told = list(ablation.outcomes.values())
+    first = standings(told, LIDS_AND_LATCHES, PRECONDITIONS.name, ("localize_centrifuge_lid",))[0]
+    runs = Runs(told)
+
+    assert first.arm == PRECONDITIONS.name
+    assert first.paper_difference is None
+    right_s = sum(runs.total(name, first.arm).right_s for name in LIDS_AND_LATCHES)
+    assert first.seconds.right_s == pytest.approx(right_s)
+    assert first.seconds.right_s == pytest.approx(
+        sum(pooled(outcome, LIDS_AND_LATCHES, first.arm).right_s for outcome in told)
+    )
+    assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in told)
+
+
+def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
+    arm = "*_in_view without *_in_observable_distance"
+    outcome = next(iter(ablation.outcomes.values()))
+    everywhere, near = (outcome.arms[name].triggers for name in (arm, PRECONDITIONS.name))
+
+    assert everywhere["find_pcr_cycler_in_view"] > near.get("find_pcr_cycler_in_view", 0)
+
+
+# Disturbances
+
+
+TRUTH = (Piece(0.0, 10.0, True), Piece(10.0, 30.0, False))
+
+
+@pytest.mark.parametrize(
+    ("held", "expected"),
+    [
+        ((Piece(0.0, 30.0, False),), 0.0),  # from 10 s on it is right, as it was before
+        ((Piece(0.0, 14.0, True), Piece(14.0, 30.0, False)), 4.0),
+        ((Piece(0.0, 12.0, True), Piece(12.0, 13.0, False), Piece(13.0, 17.0, None), Piece(17.0, 30.0, False)), 7.0),
+        ((Piece(0.0, 30.0, True),), None),
+        ((Piece(0.0, 25.0, False), Piece(25.0, 30.0, True)), 0.0),  # what comes after the end does not count
+    ],
+)
+def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], expected: float | None) -> None:
+    assert right_again_s(held, TRUTH, 10.0, 20.0) == expected
+
+
+def test_episodes_follow_each_other_and_hold_their_disturbances() -> None:
+    for before, after in itertools.pairwise(EPISODES):
+        assert before.start_s < before.over_s < before.until_s == after.start_s
+    for episode in EPISODES:
+        assert all(episode.start_s <= each.at_s < episode.over_s for each in episode.disturbances)
+
+
+@pytest.fixture(scope="module")
+def disturbed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """A robot beside the PCR-cycler: a lid that somebody opens, and closes behind another one's back."""
+    disturbances = (
+        LidMoved(at_s=27.0, machine="pcr_cycler", open_share=1.0),
+        PersonBefore(at_s=46.0, lasts_s=14.0),
+        LidMoved(at_s=50.0, machine="pcr_cycler", open_share=0.0),
+    )
+    trial = Trial(
+        name="disturbed",
+        spec=SPEC,
+        seed=1,
+        arms=(NAIVE, PRECONDITIONS),
+        laboratory=replace(LABORATORY, disturbances=disturbances),
+        work=Tending(machines=("pcr_cycler",)),
+        duration_s=76.0,
+    )
+    return run_trial(trial, tmp_path_factory.mktemp("disturbed"))
+
+
+def belief(outcome: Outcome, arm: str, *times_s: float) -> Belief:
+    start_s, over_s, until_s = times_s
+    episode = Episode(name="", start_s=start_s, over_s=over_s, until_s=until_s, disturbances=())
+    return believed([outcome], episode, LID, arm)
+
+
+def test_a_lid_that_somebody_opened_is_true_for_both_and_seen_by_both(disturbed: Outcome) -> None:
+    assert [piece.value for piece in disturbed.truth[LID]] == [False, True, False]
+    for arm in (NAIVE.name, PRECONDITIONS.name):
+        found = belief(disturbed, arm, 27.0, 30.0, 46.0)
+        (again_s,) = found.right_again_s
+        assert again_s is not None
+        assert 0.0 < again_s < 16.0
+        assert found.during.strict.whole + found.after.strict.whole == pytest.approx(19.0)
+
+
+def test_what_happens_behind_a_person_is_believed_wrongly_until_the_person_has_gone(disturbed: Outcome) -> None:
+    for arm in (NAIVE.name, PRECONDITIONS.name):
+        found = belief(disturbed, arm, 46.0, 62.0, 76.0)
+        assert found.during.wrong_s > 8.0
+        assert found.right_again_s[0] is None or found.right_again_s[0] > 14.0
+
+
+def test_waiting_ends_at_its_instant_with_what_is_open_closed() -> None:
+    assert DISTURBANCES.trials(settings(Path(), 1))[0].work == Waiting(machine="pcr_cycler", until_s=1380.0)
