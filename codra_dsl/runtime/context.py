@@ -109,6 +109,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             scribe=self._scribe,
             clock=self._clock,
             urgency=lambda observer: self.inputs.urgency(observer),  # noqa: PLW0108 - inputs come later
+            is_asked_for=lambda variable: self._forest.is_asked_for(variable, self.inputs.declarations),
         )
         self._forest = Forest(model.observers, surroundings, self._clock, self._store.write, self._observer_stopped)
         observers = self._forest.observers.values()

@@ -6,7 +6,7 @@ changed, when a job has ended, and when a comparison with an age flips: the same
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.activation import Activation
@@ -60,6 +60,12 @@ class Forest:
         self._readers, self._readers_of_age = self._find_readers()
         self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
         self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
+        self._needing: dict[str, list[Observer]] = {}
+        for observer in self._observers.values():
+            for name in observer.asks_on_events:
+                self._needing.setdefault(name, []).append(observer)
+        self._is_asked_for = surroundings.is_asked_for
+        self._asked: set[str] = set()
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
@@ -84,12 +90,14 @@ class Forest:
         return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
 
     def declare(self, variable: str) -> None:
-        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1)."""
+        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1); what runs for others may look now."""
         self._activation.declare(variable)
+        self._note_asked(variable)
 
     def withdraw(self, variable: str) -> None:
         """Stop what nothing needs any more once a variable leaves C_E(t)."""
         self._activation.withdraw(variable)
+        self._note_asked(variable)
 
     def changed(self, variable: str, is_renewed: bool) -> None:
         """Say that a variable has another reading, now or in its history.
@@ -105,6 +113,24 @@ class Forest:
                 self._touched.add(observer.name)
                 if self._round is None:
                     self._let_settle()
+
+    def is_asked_for(self, variable: str, declared: Container[str]) -> bool:
+        """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
+
+        Observers may need each other in a circle: a circle that nobody outside of it asks for asks for nothing.
+        """
+        seen, pending = {variable}, [variable]
+        while pending:
+            name = pending.pop()
+            if name in declared:
+                return True
+            branches = [branch for observer in self._needing.get(name, ()) for branch in observer.asking_for(name)]
+            if not all(branch.is_on_event for branch in branches):
+                return True  # who looks periodically does so whoever asks
+            found = {due for branch in branches for due in branch.due()} - seen
+            seen |= found
+            pending.extend(found)
+        return False
 
     def look_again(self) -> None:
         """Ask the running observers that look on events whether they are due now."""
@@ -149,7 +175,19 @@ class Forest:
             readings = observer.fail(described(error))
             self._scribe.tell(Kind.OBSERVER, observer.name, "failed", message=described(error))
         self._wake_at(observer, observer.next_tick_s())
+        for name in observer.asks_on_events:  # it may be due now, and these are looked at for its sake
+            self._note_asked(name)
         return readings
+
+    def _note_asked(self, variable: str) -> None:
+        """Let the observer of a variable be ticked if it is asked for only now, or not any more."""
+        if variable not in self._needing or variable not in self._observer_of:
+            return
+        is_asked = self._is_asked_for(variable)
+        if is_asked == (variable in self._asked):
+            return
+        self._asked.symmetric_difference_update((variable,))
+        self.touch(self._observer_of[variable])
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
         """Let an observer be ticked at an instant; one tick that comes before it sets the next."""
@@ -184,6 +222,7 @@ class Forest:
             observer = self._observers[name]
             for need in observer.watched():
                 readers.setdefault(need, []).append(observer)
-            for need in observer.needs_age_of():
+            has_own = observer.on_event if observer.asks_on_events else ()  # what it asks for depends on their age
+            for need in sorted({*observer.needs_age_of(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age
