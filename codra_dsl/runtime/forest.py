@@ -64,8 +64,7 @@ class Forest:
         for observer in self._observers.values():
             for name in observer.asks_on_events:
                 self._needing.setdefault(name, []).append(observer)
-        self._is_asked_for = surroundings.is_asked_for
-        self._asked: set[str] = set()
+        self._looked_at_for = {name: self._served_by(observer) for name, observer in self._observers.items()}
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
@@ -92,12 +91,12 @@ class Forest:
     def declare(self, variable: str) -> None:
         """Start what a variable that enters C_E(t) needs (P1, Algorithm 1); what runs for others may look now."""
         self._activation.declare(variable)
-        self._note_asked(variable)
+        if variable in self._needing and variable in self._observer_of:
+            self.touch(self._observer_of[variable])
 
     def withdraw(self, variable: str) -> None:
         """Stop what nothing needs any more once a variable leaves C_E(t)."""
         self._activation.withdraw(variable)
-        self._note_asked(variable)
 
     def changed(self, variable: str, is_renewed: bool) -> None:
         """Say that a variable has another reading, now or in its history.
@@ -160,7 +159,8 @@ class Forest:
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
-            names, self._touched = sorted(self._touched, key=self._position.__getitem__), set()
+            touched = self._touched.union(*map(self._looked_at_for.__getitem__, self._touched))
+            names, self._touched = sorted(touched, key=self._position.__getitem__), set()
             if not names:
                 return True
             now_s = self._clock.now_s()
@@ -175,19 +175,7 @@ class Forest:
             readings = observer.fail(described(error))
             self._scribe.tell(Kind.OBSERVER, observer.name, "failed", message=described(error))
         self._wake_at(observer, observer.next_tick_s())
-        for name in observer.asks_on_events:  # it may be due now, and these are looked at for its sake
-            self._note_asked(name)
         return readings
-
-    def _note_asked(self, variable: str) -> None:
-        """Let the observer of a variable be ticked if it is asked for only now, or not any more."""
-        if variable not in self._needing or variable not in self._observer_of:
-            return
-        is_asked = self._is_asked_for(variable)
-        if is_asked == (variable in self._asked):
-            return
-        self._asked.symmetric_difference_update((variable,))
-        self.touch(self._observer_of[variable])
 
     def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
         """Let an observer be ticked at an instant; one tick that comes before it sets the next."""
@@ -213,6 +201,16 @@ class Forest:
         self._scribe.tell(Kind.OBSERVER, name, "stopped")
         self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
         self._stopped(observer)
+
+    def _served_by(self, observer: Observer) -> frozenset[str]:
+        """Return the observers that look on events for the sake of one, directly or not: they tick when it does."""
+        found: set[str] = set()
+        pending = [observer]
+        while pending:
+            names = {self._observer_of[name].name for name in pending.pop().asks_on_events if name in self._observer_of}
+            pending.extend(self._observers[name] for name in names - found)
+            found |= names
+        return frozenset(found)
 
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
         """Return, by variable, the observers that read it, and those for which its age may matter."""
