@@ -44,11 +44,14 @@ class Observers:
     start: Start
 
 
-NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(Naive(),))
-NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(Naive(pause_s=P1_TRIGGER_S),))
-PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING)
-NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED)
-NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED, edits=(Refreshed(refresh=Refresh.ON_EVENT),))
+_PERIODICALLY = Refreshed(refresh=Refresh.PERIODIC)
+
+NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive()))
+NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive(pause_s=P1_TRIGGER_S)))
+PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODICALLY,))
+NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODICALLY,))
+NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
+"""The spec as it is, which says of each variable how it is refreshed."""
 
 
 def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:

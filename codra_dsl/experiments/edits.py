@@ -62,17 +62,13 @@ def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[Obser
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refreshed:
-    """Look again at variables whose values last for ever periodically, or on events alone."""
+    """Look again at all variables periodically, or on events alone."""
 
     refresh: Refresh
 
     def __call__(self, spec: Spec) -> Spec:
-        """Return the spec with that `refresh` for them."""
-        context = (
-            replace(variable, refresh=self.refresh if variable.valid_for_s == FOREVER_S else variable.refresh)
-            for variable in spec.context
-        )
-        return replace(spec, context=tuple(context))
+        """Return the spec with that `refresh` for all of them."""
+        return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,6 +39,19 @@ class Attention:
         """Return whether a skill acts that changes a variable: then what is not seen any more is not known any more."""
         return any(variable in changes for changes in self._changing.values())
 
+    @property
+    def acted_s(self) -> float:
+        """Return when a skill last ended to act."""
+        return self._acted_s
+
     def is_due(self, reading: Reading[Value]) -> bool:
-        """Return whether to look: it is unknown, it is monitored, or its evidence is from before the end of acting."""
-        return not reading.known or self._monitored[reading.name] > 0 or reading.start_s < self._acted_s
+        """Return whether to look on events.
+
+        What a skill monitors is always looked at. Of what an action changes meanwhile any value would soon be out of
+        date: it is looked at when it has acted. Else what is unknown is, and what is known from before acting ended.
+        """
+        if self._monitored[reading.name] > 0:
+            return True
+        if self.may_be_changing(reading.name):
+            return False
+        return not reading.known or reading.start_s < self._acted_s

@@ -85,8 +85,24 @@ class Branch:
         return self._next_in_period_s()
 
     def _next_in_period_s(self) -> float:
-        period_s = 0.0 if self._is_fresh else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
+        """Return when its pause is over; the end of acting is an event that ends it for what is looked at on events."""
+        has_new_cause = self.is_on_event and self.last_start_s < self.observer.surroundings.attention.acted_s
+        is_at_once = self._is_fresh or has_new_cause
+        period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
         return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
+
+    @property
+    def would_look(self) -> bool:
+        """Return whether its preconditions are to hold: it looks, or its pause is over and no rival looks."""
+        if self.busy:
+            return True
+        if any(rival.busy for rival in self.rivals):
+            return False
+        return self._next_in_period_s() <= self.observer.surroundings.now_s()
+
+    def reads(self, variable: str) -> bool:
+        """Return whether a precondition reads a variable."""
+        return any(variable in term.variables() for _, term in self.conditions)
 
     @property
     def is_occupied(self) -> bool:
@@ -230,11 +246,17 @@ class Branch:
 
     def _next_on_event_s(self) -> float:
         surroundings = self.observer.surroundings
-        cells = [surroundings.cells[variable] for variable in self.identifies]
-        if not any(surroundings.attention.is_due(cell.reading.at(self.observer.now_s)) for cell in cells):
+        if not any(map(surroundings.is_asked_for, self.due())):
             return math.inf
         # evidence from the very instant of an invalidation does not count
-        return max(self._next_in_period_s(), *(cell.invalidated_s + INSTANT_S for cell in cells))
+        invalidated_s = (surroundings.cells[variable].invalidated_s + INSTANT_S for variable in self.identifies)
+        return max(self._next_in_period_s(), *invalidated_s)
+
+    def due(self) -> list[str]:
+        """Return the variables that are worth a look since something has happened, whoever needs them."""
+        surroundings, now_s = self.observer.surroundings, self.observer.surroundings.now_s()
+        readings = (surroundings.cells[variable].reading.at(now_s) for variable in self.identifies)
+        return [reading.name for reading in readings if surroundings.attention.is_due(reading)]
 
     def _drop(self) -> Attempt | None:
         attempt, self._attempt = self._attempt, None

@@ -6,7 +6,7 @@ changed, when a job has ended, and when a comparison with an age flips: the same
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.activation import Activation
@@ -60,6 +60,11 @@ class Forest:
         self._readers, self._readers_of_age = self._find_readers()
         self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
         self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
+        self._needing: dict[str, list[Observer]] = {}
+        for observer in self._observers.values():
+            for name in observer.asks_on_events:
+                self._needing.setdefault(name, []).append(observer)
+        self._looked_at_for = {name: self._served_by(observer) for name, observer in self._observers.items()}
         self._touched: set[str] = set()
         self._timers: dict[str, Timer] = {}
         self._round: Timer | None = None
@@ -84,8 +89,10 @@ class Forest:
         return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
 
     def declare(self, variable: str) -> None:
-        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1)."""
+        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1); what runs for others may look now."""
         self._activation.declare(variable)
+        if variable in self._needing and variable in self._observer_of:
+            self.touch(self._observer_of[variable])
 
     def withdraw(self, variable: str) -> None:
         """Stop what nothing needs any more once a variable leaves C_E(t)."""
@@ -105,6 +112,24 @@ class Forest:
                 self._touched.add(observer.name)
                 if self._round is None:
                     self._let_settle()
+
+    def is_asked_for(self, variable: str, declared: Container[str]) -> bool:
+        """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
+
+        Observers may need each other in a circle: a circle that nobody outside of it asks for asks for nothing.
+        """
+        seen, pending = {variable}, [variable]
+        while pending:
+            name = pending.pop()
+            if name in declared:
+                return True
+            branches = [branch for observer in self._needing.get(name, ()) for branch in observer.asking_for(name)]
+            if not all(branch.is_on_event for branch in branches):
+                return True  # who looks periodically does so whoever asks
+            found = {due for branch in branches for due in branch.due()} - seen
+            seen |= found
+            pending.extend(found)
+        return False
 
     def look_again(self) -> None:
         """Ask the running observers that look on events whether they are due now."""
@@ -134,7 +159,8 @@ class Forest:
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
-            names, self._touched = sorted(self._touched, key=self._position.__getitem__), set()
+            touched = self._touched.union(*map(self._looked_at_for.__getitem__, self._touched))
+            names, self._touched = sorted(touched, key=self._position.__getitem__), set()
             if not names:
                 return True
             now_s = self._clock.now_s()
@@ -176,6 +202,16 @@ class Forest:
         self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
         self._stopped(observer)
 
+    def _served_by(self, observer: Observer) -> frozenset[str]:
+        """Return the observers that look on events for the sake of one, directly or not: they tick when it does."""
+        found: set[str] = set()
+        pending = [observer]
+        while pending:
+            names = {self._observer_of[name].name for name in pending.pop().asks_on_events if name in self._observer_of}
+            pending.extend(self._observers[name] for name in names - found)
+            found |= names
+        return frozenset(found)
+
     def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
         """Return, by variable, the observers that read it, and those for which its age may matter."""
         readers: dict[str, list[Observer]] = {}
@@ -184,6 +220,7 @@ class Forest:
             observer = self._observers[name]
             for need in observer.watched():
                 readers.setdefault(need, []).append(observer)
-            for need in observer.needs_age_of():
+            has_own = observer.on_event if observer.asks_on_events else ()  # what it asks for depends on their age
+            for need in sorted({*observer.needs_age_of(), *has_own}):
                 readers_of_age.setdefault(need, []).append(observer)
         return readers, readers_of_age

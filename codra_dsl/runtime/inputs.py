@@ -277,6 +277,7 @@ class Inputs:
         self._expectations.finish(number)
         self._attention.finish(number, skill.monitor)
         self.declarations.hold(under_way(skill.name, number), ())
+        self._forest.look_again()  # it may have acted to its very end
 
     def _hold_expected(self, skills: list[str], party: str) -> None:
         self._expected[party] = skills

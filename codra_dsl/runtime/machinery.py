@@ -84,6 +84,7 @@ class Machinery:
             scribe=self.scribe,
             clock=self.clock,
             urgency=lambda observer: self.inputs.urgency(observer),  # noqa: PLW0108 - inputs come later
+            is_asked_for=lambda variable: self.forest.is_asked_for(variable, self.inputs.declarations),
         )
 
     def with_knowledge(self, model: KnowledgeModel) -> Knowledge:

@@ -46,6 +46,7 @@ class Observer:
         self.on_event = tuple(name for name in model.identifies if surroundings.variables[name].refresh == "on_event")
         for branch in self._branches:
             branch.is_on_event = set(branch.identifies) <= set(self.on_event)
+        self.asks_on_events = tuple(name for name in self.needs() if surroundings.variables[name].refresh == "on_event")
         self._aging = [term for term in self._terms() if reads_ages(term)]
         self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
 
@@ -80,6 +81,12 @@ class Observer:
     def present(self) -> Present:
         """Return the context as it is at this tick."""
         return self._present
+
+    def asking_for(self, variable: str) -> list[Branch]:
+        """Return the branches that need a variable to look now, if somebody asks for what they identify."""
+        if not self.wanted:
+            return []
+        return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
 
     def obstacle(self, variable: str) -> str:
         """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
@@ -183,11 +190,8 @@ class Observer:
         instants = [self.now_s + wait_s for wait_s in flips if wait_s]
         for branch in self._branches:
             start_s = branch.next_start_s()
-            if (
-                self.now_s < start_s < math.inf
-                and not any(rival.busy for rival in branch.rivals)
-                and self._may_run(branch)
-            ):
+            is_free = not any(rival.busy for rival in branch.rivals)
+            if self.now_s < start_s < math.inf and is_free and (self.asks_on_events or self._may_run(branch)):
                 instants.append(start_s)
         return min(instants, default=None)
 

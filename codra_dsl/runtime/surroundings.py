@@ -25,6 +25,7 @@ class Surroundings:
         scribe: tells the record.
         clock: real or simulated time.
         urgency: returns how soon a decision needs what an observer, by its name, identifies.
+        is_asked_for: returns whether a variable is declared, or an observer needs it that is due to look.
     """
 
     cells: Mapping[str, Cell]
@@ -34,6 +35,7 @@ class Surroundings:
     scribe: Scribe
     clock: Clock
     urgency: Callable[[str], int]
+    is_asked_for: Callable[[str], bool]
 
     def now_s(self) -> float:
         """Return the present instant."""

@@ -105,12 +105,34 @@ def centrifuge_lid(observer: Observer) -> Behaviour:
 
 
 VARIABLES: tuple[VariableModel, ...] = (
-    VariableModel(name="centrifuge_in_observable_distance", type=boolean(), when_unobservable="forget"),
-    VariableModel(name="centrifuge_in_manipulation_distance", type=boolean(), when_unobservable="forget"),
-    VariableModel(name="centrifuge_base_in_FOV", type=boolean(), valid_for_s=5.0, when_unobservable="forget"),
-    VariableModel(name="centrifuge_lid_in_FOV", type=boolean(), valid_for_s=5.0, when_unobservable="forget"),
-    VariableModel(name="centrifuge_open", type=boolean()),
-    VariableModel(name="centrifuge_locked", type=boolean()),
+    VariableModel(
+        name="centrifuge_in_observable_distance",
+        type=boolean(),
+        when_unobservable="forget",
+        refresh="on_event",
+    ),
+    VariableModel(
+        name="centrifuge_in_manipulation_distance",
+        type=boolean(),
+        when_unobservable="forget",
+        refresh="on_event",
+    ),
+    VariableModel(
+        name="centrifuge_base_in_FOV",
+        type=boolean(),
+        valid_for_s=10.0,
+        when_unobservable="forget",
+        refresh="on_event",
+    ),
+    VariableModel(
+        name="centrifuge_lid_in_FOV",
+        type=boolean(),
+        valid_for_s=10.0,
+        when_unobservable="forget",
+        refresh="on_event",
+    ),
+    VariableModel(name="centrifuge_open", type=boolean(), refresh="on_event"),
+    VariableModel(name="centrifuge_locked", type=boolean(), refresh="on_event"),
 )
 
 OBSERVERS: tuple[ObserverModel, ...] = (
@@ -123,6 +145,7 @@ OBSERVERS: tuple[ObserverModel, ...] = (
         name="centrifuge_view_frame",
         identifies=("centrifuge_base_in_FOV", "centrifuge_lid_in_FOV"),
         build=centrifuge_view_frame,
+        period_s=5.0,
         priority=10,
     ),
     ObserverModel(
@@ -142,25 +165,21 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="unlock_centrifuge",
         preview=("centrifuge_locked", "centrifuge_in_manipulation_distance"),
-        monitor=("centrifuge_locked",),
         changes=("centrifuge_locked",),
     ),
     SkillModel(
         name="lock_centrifuge",
-        preview=("centrifuge_open", "centrifuge_in_manipulation_distance"),
-        monitor=("centrifuge_locked",),
+        preview=("centrifuge_open", "centrifuge_locked", "centrifuge_in_manipulation_distance"),
         changes=("centrifuge_locked",),
     ),
     SkillModel(
         name="open_centrifuge",
         preview=("centrifuge_locked", "centrifuge_open", "centrifuge_in_manipulation_distance"),
-        monitor=("centrifuge_open",),
         changes=("centrifuge_open",),
     ),
     SkillModel(
         name="close_centrifuge",
         preview=("centrifuge_open", "centrifuge_in_manipulation_distance"),
-        monitor=("centrifuge_open",),
         changes=("centrifuge_open",),
     ),
 )

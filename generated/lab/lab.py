@@ -44,8 +44,8 @@ def centrifuge_rotor(observer: Observer) -> Behaviour:
 
 VARIABLES: tuple[VariableModel, ...] = (
     VariableModel(name="robot_is_localized", type=boolean(), sources=("main_execution",)),
-    VariableModel(name="centrifuge_rotor_in_pos_1", type=boolean()),
-    VariableModel(name="centrifuge_rotor_in_pos_2", type=boolean()),
+    VariableModel(name="centrifuge_rotor_in_pos_1", type=boolean(), refresh="on_event"),
+    VariableModel(name="centrifuge_rotor_in_pos_2", type=boolean(), refresh="on_event"),
 )
 
 OBSERVERS: tuple[ObserverModel, ...] = (
@@ -53,6 +53,7 @@ OBSERVERS: tuple[ObserverModel, ...] = (
         name="centrifuge_rotor",
         identifies=("centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
         build=centrifuge_rotor,
+        period_s=8.0,
         priority=5,
     ),
 )
@@ -61,7 +62,6 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="turn_centrifuge_rotor",
         preview=("centrifuge_open", "centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
-        monitor=("centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
         changes=("centrifuge_rotor_in_pos_1", "centrifuge_rotor_in_pos_2"),
     ),
     SkillModel(name="take_samples_from_centrifuge", preview=("centrifuge_open", "centrifuge_rotor_in_pos_1")),

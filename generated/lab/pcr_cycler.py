@@ -110,29 +110,33 @@ VARIABLES: tuple[VariableModel, ...] = (
         type=boolean(),
         label="PCR-cycler_in_observable_distance",
         when_unobservable="forget",
+        refresh="on_event",
     ),
     VariableModel(
         name="pcr_cycler_in_manipulation_distance",
         type=boolean(),
         label="PCR-cycler_in_manipulation_distance",
         when_unobservable="forget",
+        refresh="on_event",
     ),
     VariableModel(
         name="pcr_cycler_base_in_FOV",
         type=boolean(),
         label="PCR-cycler_base_in_FOV",
-        valid_for_s=5.0,
+        valid_for_s=10.0,
         when_unobservable="forget",
+        refresh="on_event",
     ),
     VariableModel(
         name="pcr_cycler_lid_in_FOV",
         type=boolean(),
         label="PCR-cycler_lid_in_FOV",
-        valid_for_s=5.0,
+        valid_for_s=10.0,
         when_unobservable="forget",
+        refresh="on_event",
     ),
-    VariableModel(name="pcr_cycler_open", type=boolean(), label="PCR-cycler_open"),
-    VariableModel(name="pcr_cycler_locked", type=boolean(), label="PCR-cycler_locked"),
+    VariableModel(name="pcr_cycler_open", type=boolean(), label="PCR-cycler_open", refresh="on_event"),
+    VariableModel(name="pcr_cycler_locked", type=boolean(), label="PCR-cycler_locked", refresh="on_event"),
 )
 
 OBSERVERS: tuple[ObserverModel, ...] = (
@@ -145,6 +149,7 @@ OBSERVERS: tuple[ObserverModel, ...] = (
         name="pcr_cycler_view_frame",
         identifies=("pcr_cycler_base_in_FOV", "pcr_cycler_lid_in_FOV"),
         build=pcr_cycler_view_frame,
+        period_s=5.0,
         priority=10,
     ),
     ObserverModel(
@@ -164,25 +169,21 @@ SKILLS: tuple[SkillModel, ...] = (
     SkillModel(
         name="unlock_pcr_cycler",
         preview=("pcr_cycler_locked", "pcr_cycler_in_manipulation_distance"),
-        monitor=("pcr_cycler_locked",),
         changes=("pcr_cycler_locked",),
     ),
     SkillModel(
         name="lock_pcr_cycler",
-        preview=("pcr_cycler_open", "pcr_cycler_in_manipulation_distance"),
-        monitor=("pcr_cycler_locked",),
+        preview=("pcr_cycler_open", "pcr_cycler_locked", "pcr_cycler_in_manipulation_distance"),
         changes=("pcr_cycler_locked",),
     ),
     SkillModel(
         name="open_pcr_cycler",
         preview=("pcr_cycler_locked", "pcr_cycler_open", "pcr_cycler_in_manipulation_distance"),
-        monitor=("pcr_cycler_open",),
         changes=("pcr_cycler_open",),
     ),
     SkillModel(
         name="close_pcr_cycler",
         preview=("pcr_cycler_open", "pcr_cycler_in_manipulation_distance"),
-        monitor=("pcr_cycler_open",),
         changes=("pcr_cycler_open",),
     ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -169,8 +170,11 @@ def test_equal_instants_give_both_arms_equal_frames() -> None:
     with FrameSource(world) as frames:
         cameras = [ListeningCamera(ArmCamera(frames, clock)) for _ in range(2)]
         managers = [watch(clock, world, camera, seed) for camera, seed in zip(cameras, (1, 1), strict=True)]
-        robot.drive_to(Station.CENTRIFUGE)
-        clock.sleep(10.0)
+        with ExitStack() as skills:
+            for manager in managers:
+                skills.enter_context(manager.skill("drive_to_centrifuge"))
+            robot.drive_to(Station.CENTRIFUGE)
+            clock.sleep(30.0)
         for manager in managers:
             manager.close()
 

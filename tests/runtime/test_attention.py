@@ -6,7 +6,7 @@ from hypothesis import given as given_values
 from hypothesis import settings
 from hypothesis import strategies as st
 
-from codra_dsl.logic import value
+from codra_dsl.logic import known, value
 from codra_dsl.runtime import ContextModel, Reason, SimClock
 from codra_dsl.runtime.model import SkillModel
 from tests.runtime.forests import World, forest, given, observer, seen, started, takes, variable
@@ -15,6 +15,7 @@ SEEN = {"seen": True}
 SKILLS = [
     SkillModel(name="watch", monitor=("a",)),
     SkillModel(name="push", preview=("a",), changes=("a",)),
+    SkillModel(name="pull", monitor=("a",), changes=("a",)),
     SkillModel(name="speak"),
 ]
 
@@ -85,7 +86,7 @@ def test_evidence_that_began_before_the_end_of_acting_asks_for_another_look_thou
         clock.sleep(0.1)
         manager.set("a", True)
         clock.sleep(20.0)
-    assert world.asked_s("look") == [0.0, 4.5, 6.5]
+    assert world.asked_s("look") == [0.0, 4.5, 5.5]
 
 
 def test_after_any_acting_it_is_looked_at_once() -> None:
@@ -101,19 +102,32 @@ def test_after_any_acting_it_is_looked_at_once() -> None:
     assert world.asked_s("look") == [0.0, 10.0]
 
 
-def test_what_a_skill_changes_is_looked_at_while_it_acts_and_once_more_afterwards() -> None:
+def test_what_a_skill_changes_is_left_in_peace_while_it_acts_and_looked_at_at_once_afterwards() -> None:
     clock, world = SimClock(), World({"look": SEEN})
     with started(a_model(), world, clock) as manager:
         manager.set("near", True)
         manager.declare("a")
         clock.sleep(5.0)
         with manager.skill("push") as skill, skill.acting():
-            clock.sleep(5.0)
+            clock.sleep(1.5)
+            assert manager.get("a").reason is Reason.INVALIDATED
             world.finds["look"] = {"seen": False}
-        assert manager.get("a").value is True
-        clock.sleep(50.0)
+        clock.sleep(0.0)
         assert manager.get("a").value is False
-    assert world.asked_s("look") == [0.0, 5.000001, 10.0]
+        clock.sleep(50.0)
+    assert world.asked_s("look") == [0.0, 6.5]
+
+
+def test_what_a_skill_both_changes_and_monitors_is_looked_at_while_it_acts() -> None:
+    clock, world = SimClock(), World({"look": SEEN})
+    with started(a_model(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+        with manager.skill("pull") as skill, skill.acting():
+            clock.sleep(5.0)
+        clock.sleep(50.0)
+    assert [round(at_s, 3) for at_s in world.asked_s("look")] == [0.0, 5.0, 7.0, 9.0, 10.0]
 
 
 def test_a_look_that_began_before_acting_ended_does_not_count_as_the_one_after_it() -> None:
@@ -125,7 +139,7 @@ def test_a_look_that_began_before_acting_ended_does_not_count_as_the_one_after_i
         with manager.skill("watch") as skill, skill.acting():
             clock.sleep(2.5)
         clock.sleep(50.0)
-    assert world.asked_s("look") == [0.0, 4.0, 6.0, 8.0]
+    assert world.asked_s("look") == [0.0, 4.0, 6.0, 7.0]
 
 
 def test_a_look_after_acting_that_is_rejected_is_taken_again() -> None:
@@ -172,6 +186,86 @@ def test_an_alternative_looks_on_events_as_well() -> None:
         clock.sleep(30.0)
         assert manager.get("a").source == "ear"
     assert (world.asked_s("eye"), world.asked_s("ear")) == ([0.0], [0.0])
+
+
+# What other observers need
+
+
+def a_chain(*, b_valid_for_s: float = 3.0) -> ContextModel:
+    """`a` is observed where `b` holds, which is seen for 3 s and forgotten where `near` does not hold."""
+    variables = [
+        given("near"),
+        variable("b", refresh="on_event", valid_for_s=b_valid_for_s, when_unobservable="forget"),
+        variable("a", refresh="on_event"),
+    ]
+    look_b = seen("look_b", "b", when=[value("near")])
+    look_a = seen("look_a", "a", when=[value("b")])
+    return forest(variables, observer("ob", look_b, period_s=1.0), observer("oa", look_a, period_s=2.0), skills=SKILLS)
+
+
+def test_a_precondition_is_looked_at_only_when_an_observer_that_needs_it_is_due() -> None:
+    clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN})
+    with started(a_chain(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(20.0)
+        assert not manager.get("b").known
+        assert manager.get("a").value is True
+        with manager.skill("speak") as skill, skill.acting():
+            clock.sleep(0.5)
+        clock.sleep(20.0)
+    assert world.asked_s("look_b") == [0.0, 20.5]
+    assert world.asked_s("look_a") == [0.0, 20.5]
+
+
+def test_a_precondition_that_does_not_hold_is_looked_at_again_once_it_has_gone_stale() -> None:
+    clock, world = SimClock(), World({"look_a": SEEN, "look_b": {"seen": False}})
+    with started(a_chain(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(7.0)
+        world.finds["look_b"] = SEEN
+        clock.sleep(20.0)
+        assert manager.get("a").value is True
+    assert world.asked_s("look_b") == [0.0, 3.0, 6.0, 9.0]
+    assert world.asked_s("look_a") == [9.0]
+
+
+def test_a_precondition_that_somebody_declares_is_looked_at_for_its_own_sake() -> None:
+    clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN})
+    with started(a_chain(), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(4.0)
+        manager.declare("b")
+        clock.sleep(5.0)
+    assert world.asked_s("look_b") == [0.0, 4.0, 7.0]
+
+
+def test_an_observer_waits_for_its_pause_before_it_asks_for_its_precondition_again() -> None:
+    clock, world = SimClock(), World({"look_a": {}, "look_b": SEEN})
+    with started(a_chain(b_valid_for_s=1.5), world, clock) as manager:
+        manager.set("near", True)
+        manager.declare("a")
+        clock.sleep(5.0)
+    assert world.asked_s("look_a") == [0.0, 2.0, 4.0]
+    assert world.asked_s("look_b") == [0.0, 2.0, 4.0]
+
+
+def test_observers_that_need_each_other_and_that_nobody_asks_for_stay_at_rest() -> None:
+    clock, world = SimClock(), World({"look_a": SEEN, "look_b": SEEN, "look_c": SEEN})
+    needing = [variable(name, refresh="on_event", valid_for_s=2.0) for name in "ab"]
+    circle = [
+        observer("oa", seen("look_a", "a", when=[~known("b") | value("b")])),
+        observer("ob", seen("look_b", "b", when=[~known("a") | value("a")])),
+    ]
+    goal = observer("oc", seen("look_c", "c", when=[value("a")]))
+    with started(forest([*needing, variable("c", refresh="on_event")], *circle, goal), world, clock) as manager:
+        manager.declare("c")
+        clock.sleep(30.0)
+        assert manager.get("c").value is True
+    assert world.asked_s("look_c") == [0.0]
+    assert world.asked_s("look_a") == [0.0]
 
 
 @settings(deadline=None)

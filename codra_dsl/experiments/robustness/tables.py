@@ -203,7 +203,7 @@ def reduction_table(runs: Runs, further: Runs, naive: Sequence[str], vision: Seq
             sum(runs.triggers(arm, algorithms)),
             sum(runs.triggers(against, algorithms)),
             percent(fewer_triggers(runs, arm, against, algorithms)),
-            percent(fewer_triggers(further, arm, against, algorithms)),
+            percent(fewer_triggers(further, arm, against, algorithms)) if against in further.arms else None,
         )
         for what, algorithms in counted
         for against in naive
