@@ -12,6 +12,7 @@ from codra_dsl.fuzzy.names import Names
 from codra_dsl.fuzzy.shapes import membership
 from codra_dsl.fuzzy.write import rule_text
 
+_LONGEST_LINE = 120
 _PACKAGE = "codra_dsl.runtime.mape.fuzzy"
 _MODULES = (
     "activations",
@@ -77,7 +78,9 @@ def _imports(body: str) -> str:
     lines = ["from __future__ import annotations\n"]
     if "math." in body:
         lines.append("import math\n")
-    lines.append(f"from {_PACKAGE} import {', '.join(used)}")
+    line = f"from {_PACKAGE} import {', '.join(used)}"
+    wrapped = f"from {_PACKAGE} import (\n" + "".join(f"    {module},\n" for module in used) + ")"
+    lines.append(line if len(line) <= _LONGEST_LINE else wrapped)
     lines.append(f"from {_PACKAGE}.bounds import BoundedInference, Bounds")
     lines.append(f"from {_PACKAGE}.outputs import Inference")
     return "\n".join(lines)
