@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.fuzzy.check import concluded_terms, depends_on_inputs, names_in, natural_weighting
@@ -46,6 +48,7 @@ class Body:
         self._memberships: dict[tuple[str, str], str] = {}
         self._lines: list[str] = []
         self._strengths: list[str] = []
+        self._before: dict[str, int] = {}
         self._acting: dict[str, list[tuple[str, str]]] = {output.name: [] for output in engine.outputs}
         self.conclusions: dict[str, list[tuple[int, str]]] = {output.name: [] for output in engine.outputs}
 
@@ -66,7 +69,7 @@ class Body:
         strengths = tuple_of(self._strengths) if self._strengths else "()"
         lines = [*self._lines, f"return {dialect.answer}({values}, {strengths})"]
         docstring = '    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""\n'
-        body = "".join(f"    {line}\n" for line in lines)
+        body = "".join(f"    {line}\n" for line in self._read(lines))
         return f"def {name}(\n{inputs}{previous}) -> {dialect.answer}:\n{docstring}{body}".rstrip()
 
     def _say(self, name: str, source: str) -> str:
@@ -81,7 +84,14 @@ class Body:
         for index, output in enumerate(self._engine.outputs):
             if self._needs_previous(output):
                 before = self._names.claim(f"{self._results[output.name]}_before")
+                self._before[before] = index
                 self._locals[output.name] = self._say(before, f"previous[{index}]")
+
+    def _read(self, lines: list[str]) -> list[str]:
+        """Return the lines without values of before that none of them reads."""
+        before = {f"{name} = previous[{at}]": name for name, at in self._before.items()}
+        words = Counter(word for line in lines for word in re.findall(r"\w+", line))
+        return [line for line in lines if line not in before or words[before[line]] > 1]
 
     def _needs_previous(self, output: OutputVariable) -> bool:
         formulas = [
@@ -136,7 +146,7 @@ class Body:
         if block.activation.method is not Method.THRESHOLD:
             return name
         comparator, limit = block.activation.comparator, block.activation.threshold
-        source = f"{self._dialect.activations}.threshold({name}, '{comparator}', {literal(limit)})"
+        source = f"{self._dialect.activations}.threshold({name}, {literal(str(comparator))}, {literal(limit)})"
         return self._say(self._names.claim(f"acting_{name}"), source)
 
     def _together(self, block: RuleBlock, rules: list[tuple[Rule, str]]) -> None:

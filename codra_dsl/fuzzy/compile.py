@@ -12,6 +12,7 @@ from codra_dsl.fuzzy.names import Names
 from codra_dsl.fuzzy.shapes import membership
 from codra_dsl.fuzzy.write import rule_text
 
+_LONGEST_LINE = 120
 _PACKAGE = "codra_dsl.runtime.mape.fuzzy"
 _MODULES = (
     "activations",
@@ -31,14 +32,16 @@ _MODULES = (
 def compile_engine(engine: Engine) -> str:
     """Return the module of an engine that `read_fll` or `check.complaints` finds nothing wrong with.
 
-    The module has `infer(*inputs, previous=...) -> Inference`, `infer_bounds(*inputs, previous=...) ->
-    BoundedInference`, and the names `INPUTS`, `OUTPUTS`, `RULES` in the order of their values and strengths. Same
-    engine, same text. It imports `codra_dsl.runtime.mape.fuzzy` and nothing else of ours.
+    The module has `infer(*inputs, previous=...) -> Inference` and `infer_bounds(*inputs, previous=...) ->
+    BoundedInference`; the names `INPUTS`, `OUTPUTS` and `RULES`, in the order of values and strengths; and `RANGES`,
+    what the inputs are while they are unknown. It imports `codra_dsl.runtime.mape.fuzzy` and nothing else of ours.
+    Same engine, same text.
     """
     names = Names()
     constants = {output.name: names.claim(output.name.upper()) for output in engine.outputs}
     parts = [
         _names("INPUTS", [variable.name for variable in engine.inputs]),
+        _ranges(engine),
         _names("OUTPUTS", [output.name for output in engine.outputs]),
         _names("RULES", [rule_text(rule) for block in engine.blocks if block.is_enabled for rule in block.rules]),
     ]
@@ -65,12 +68,19 @@ def _names(constant: str, values: list[str]) -> str:
     return f"{constant} = (\n" + "".join(f"    {literal(value)},\n" for value in values) + ")"
 
 
+def _ranges(engine: Engine) -> str:
+    ends = [f"    Bounds({literal(each.minimum)}, {literal(each.maximum)}),\n" for each in engine.inputs]
+    return f"RANGES: tuple[Bounds, ...] = (\n{''.join(ends)})" if ends else "RANGES: tuple[Bounds, ...] = ()"
+
+
 def _imports(body: str) -> str:
     used = [module for module in _MODULES if re.search(rf"(?<![\w.']){module}\.", body)]
     lines = ["from __future__ import annotations\n"]
     if "math." in body:
         lines.append("import math\n")
-    lines.append(f"from {_PACKAGE} import {', '.join(used)}")
+    line = f"from {_PACKAGE} import {', '.join(used)}"
+    wrapped = f"from {_PACKAGE} import (\n" + "".join(f"    {module},\n" for module in used) + ")"
+    lines.append(line if len(line) <= _LONGEST_LINE else wrapped)
     lines.append(f"from {_PACKAGE}.bounds import BoundedInference, Bounds")
     lines.append(f"from {_PACKAGE}.outputs import Inference")
     return "\n".join(lines)

@@ -24,7 +24,8 @@ class Kind(Enum):
 def literal(value: float | str) -> str:
     """Return a value as Python's source has it."""
     if isinstance(value, str):
-        return ascii(value)
+        is_plain = value.isascii() and value.isprintable() and '"' not in value and "\\" not in value
+        return f'"{value}"' if is_plain else ascii(value)
     if math.isinf(value):
         return "math.inf" if value > 0 else "-math.inf"
     return repr(value)

@@ -21,7 +21,7 @@ _OF_MODULES = frozenset(
     }
 )
 _OF_OURS = frozenset({"infer", "infer_bounds", "previous", "x", "y", "Bounds", "BoundedInference", "Inference"})
-_TAKEN = _OF_MODULES | _OF_OURS | {"INPUTS", "OUTPUTS", "RULES", "annotations", "math"}
+_TAKEN = _OF_MODULES | _OF_OURS | {"INPUTS", "OUTPUTS", "RANGES", "RULES", "annotations", "math"}
 
 
 class Names:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.diagnostics import Diagnostic, Place, Span
-from codra_dsl.fuzzy.antecedents import parse_rule
+from codra_dsl.fuzzy.antecedents import Names, parse_rule
 from codra_dsl.fuzzy.check import complaints
 from codra_dsl.fuzzy.formulas import parse_formula
 from codra_dsl.fuzzy.model import (
@@ -22,7 +22,6 @@ from codra_dsl.fuzzy.model import (
     Rule,
     RuleBlock,
     Term,
-    Variable,
 )
 from codra_dsl.fuzzy.source import Findings, Line, Word, decode, lines, natural, number, quantity, shown, split
 from codra_dsl.fuzzy.words import (
@@ -143,9 +142,10 @@ class _Builder:
         inputs = tuple(self._input(section) for section in of_kind["InputVariable"])
         outputs = tuple(self._output(section) for section in of_kind["OutputVariable"])
         self._twice([section.head.value for kind in _KEYS if "Var" in kind for section in of_kind[kind]], "variable")
+        of_outputs = _names(of_kind["OutputVariable"])
+        all_terms = _names(of_kind["InputVariable"]) | of_outputs
         blocks = tuple(
-            self._block(section, index, (*inputs, *outputs), outputs)
-            for index, section in enumerate(of_kind["RuleBlock"])
+            self._block(section, index, all_terms, of_outputs) for index, section in enumerate(of_kind["RuleBlock"])
         )
         engine = Engine(
             name=head.head.value.text,
@@ -195,11 +195,8 @@ class _Builder:
             description=self._text(section, "description"),
         )
 
-    def _block(
-        self, section: _Section, index: int, variables: tuple[Variable, ...], outputs: tuple[OutputVariable, ...]
-    ) -> RuleBlock:
+    def _block(self, section: _Section, index: int, all_terms: Names, of_outputs: Names) -> RuleBlock:
         self._places[("block", index)] = section.head.key.place
-        all_terms, of_outputs = _names(variables), _names(outputs)
         rules: list[Rule] = []
         for line in section.repeated:
             self._places[("rule", index, len(rules))] = line.value.place
@@ -368,5 +365,9 @@ class _Builder:
         return None
 
 
-def _names(variables: Iterable[Variable]) -> dict[str, frozenset[str]]:
-    return {variable.name: frozenset(term.name for term in variable.terms) for variable in variables}
+def _names(sections: Iterable[_Section]) -> dict[str, frozenset[str]]:
+    """Return what is declared, whether it could be read or not: so a mistake in a term brings none in rules."""
+    return {
+        section.head.value.text: frozenset(line.words()[0].text for line in section.repeated if line.words())
+        for section in sections
+    }

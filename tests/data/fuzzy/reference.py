@@ -1,4 +1,4 @@
-"""Writes values.npz: what FuzzyLite makes of each engine here, for each row of `samples`.
+"""Writes values.npz, what FuzzyLite makes of each engine for each row of `samples`, and constructs.json, its words.
 
 It runs in an environment of its own, since pyfuzzylite is GPL and needs an old numpy; we only keep its answers:
 
@@ -10,6 +10,7 @@ Values are stored in single precision, which is right to 6e-8 of a value, and in
 
 from __future__ import annotations
 
+import json
 import warnings
 from pathlib import Path
 
@@ -32,8 +33,24 @@ def answers(engine: fuzzylite.Engine) -> np.ndarray:
     return np.array(found)
 
 
+def constructs() -> dict[str, list[str]]:
+    """Return the words that FuzzyLite knows in FLL."""
+    known = fuzzylite.settings.factory_manager
+    factories = {
+        "term": known.term,
+        "T-norm": known.tnorm,
+        "S-norm": known.snorm,
+        "hedge": known.hedge,
+        "activation": known.activation,
+        "defuzzifier": known.defuzzifier,
+        "formula": known.function,
+    }
+    return {kind: sorted(factory) for kind, factory in factories.items()}
+
+
 def main() -> None:
-    """Ask every engine."""
+    """Ask for the words, and ask every engine."""
+    (FOLDER / "constructs.json").write_text(json.dumps(constructs(), indent=2) + "\n", "utf-8")
     warnings.simplefilter("ignore")
     values = {}
     for path in sorted(FOLDER.glob("*.fll")):

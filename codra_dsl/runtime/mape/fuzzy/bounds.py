@@ -202,7 +202,7 @@ class InferBounds(Protocol):
         ...
 
 
-def refined(infer: InferBounds, inputs: Sequence[Bounds], pieces: int) -> BoundedInference:
+def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> BoundedInference:
     """Return narrower bounds: the union of those of each box, when every unknown input is cut in so many pieces.
 
     The union holds all that the inputs allow, as one call does. Inputs that are infinite are not cut, and there are at
