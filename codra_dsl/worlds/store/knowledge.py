@@ -114,10 +114,12 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
             attributes=(_attribute("camera_steady", boolean(), "camera_agent", valid_for_s=2.0),),
         ),
         NodeTypeModel(name="laser"),
-        NodeTypeModel(name="goal", attributes=(_attribute("way", member(*Way), *PLANNERS),)),
+        NodeTypeModel(name="goal", attributes=(_attribute("goal_way", member(*Way), *PLANNERS),)),
         NodeTypeModel(
             name="base",
-            attributes=(_attribute("notice", member("none", "container_not_found", "mission_aborted"), *PLANNERS),),
+            attributes=(
+                _attribute("base_notice", member("none", "container_not_found", "mission_aborted"), *PLANNERS),
+            ),
         ),
         NodeTypeModel(name="pose"),
         NodeTypeModel(name="picking_area"),

@@ -58,7 +58,7 @@ class Trip:
             AbortedError: if the trip is aborted.
         """
         if not self._find(area):
-            self._handle.set("base", "notice", "container_not_found")
+            self._handle.set("base", "base_notice", "container_not_found")
             return False
         front = approach_to(self._container(area))
         self.go(front.turned(pi))
@@ -93,7 +93,7 @@ class Trip:
         """
         with self._handle.transaction() as change:
             change.place("world", "goal_pose", "goal", pose_of(goal))
-            change.set("goal", "way", way)
+            change.set("goal", "goal_way", way)
         self._must("navigating", "arrived")
 
     def _find(self, area: str) -> bool:

@@ -56,7 +56,7 @@ class Navigation:
 
     def _begin(self, snapshot: Snapshot) -> None:
         self._goal, self._tries = stand_of(snapshot.transform("world", "goal").pose), 0
-        way = snapshot.get("goal", "way")
+        way = snapshot.get("goal", "goal_way")
         if way.known and way.value == Way.BACKWARD:
             self._body.drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, self._give_up))
         else:
