@@ -1,0 +1,90 @@
+"""P2's PersonDetectionAgent: who is in the camera's view, where, and near to what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import hypot
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge import Knowledge, Transaction
+from codra_dsl.worlds.store.agents.working import Rounds
+from codra_dsl.worlds.store.body import Body, Seen, Sighting
+from codra_dsl.worlds.store.geometry import Point
+from codra_dsl.worlds.store.knowledge import FARTHEST_M
+
+PERIOD_S = 0.4
+NEAR_M = 1.5
+"""Somebody nearer than this, from middle to middle, is near."""
+
+SAME_M = 1.0
+"""Nobody gets farther than this from one picture to the next."""
+
+FORGET_S = 1.5
+"""Somebody who was not seen for so long is not there."""
+
+
+class PersonDetection:
+    """Keeps a node for everybody in view."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Look again and again."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("person_detection")
+        self._body = body
+        self._clock = clock
+        self._count = 0
+        self._seen: dict[str, tuple[Point, float]] = {}
+        self._rounds = Rounds(clock, PERIOD_S, self._look)
+
+    def _look(self) -> None:
+        picture = self._body.look()
+        if not picture.is_steady:
+            return
+        people = [each for each in picture.sightings if each.kind is Seen.PERSON]
+        with self._handle.transaction() as change:
+            gaps_m = [hypot(each.at.x_m, each.at.y_m) for each in people]
+            change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
+            self._follow(change, people)
+            self._forget(change)
+            self._relate(change)
+
+    def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
+        robot, now_s = self._body.believed(), self._clock.now_s()
+        free = dict(self._seen)
+        for sighting in people:
+            at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
+            name = min(free, key=lambda each: (_distance_m(free[each][0], at_m), each), default=None)
+            if name is None or _distance_m(free[name][0], at_m) > SAME_M:
+                self._count += 1
+                name = f"person_{self._count}"
+                change.insert_node(name, "person")
+            free.pop(name, None)
+            self._seen[name] = (at_m, now_s)
+            change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
+
+    def _forget(self, change: Transaction) -> None:
+        now_s = self._clock.now_s()
+        for name in [name for name, (_, seen_s) in self._seen.items() if now_s - seen_s >= FORGET_S]:
+            del self._seen[name]
+            change.delete_node(name)
+
+    def _relate(self, change: Transaction) -> None:
+        snapshot, robot = self._knowledge.snapshot(), self._body.believed()
+        others = {"robot": robot.point_m}
+        for node in snapshot.nodes("roll_container"):
+            if snapshot.parent(node.name) is not None:
+                x_m, y_m, _ = snapshot.transform("world", node.name).pose.translation_m
+                others[node.name] = (x_m, y_m)
+        for name, (at_m, _) in self._seen.items():
+            for other, place_m in others.items():
+                is_near = _distance_m(at_m, place_m) < NEAR_M
+                was_near = snapshot.has_edge(name, "near", other) if name in snapshot else False
+                if is_near and not was_near:
+                    change.insert_edge(name, "near", other)
+                elif was_near and not is_near:
+                    change.delete_edge(name, "near", other)
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

@@ -1,0 +1,94 @@
+"""A whole run of the shop: the world, the knowledge of its robot, its agents, and who judges them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Change, Knowledge, Stage
+from codra_dsl.runtime.knowledge.declarations import path
+from codra_dsl.worlds.store.agents import start_agents
+from codra_dsl.worlds.store.knowledge import store_knowledge
+from codra_dsl.worlds.store.situations import OrderKind, Pickers, Staff, StoreSettings, beginning
+from codra_dsl.worlds.store.state import Load
+from codra_dsl.worlds.store.truth import Judge
+from codra_dsl.worlds.store.world import StoreWorld
+
+
+class PickerPage:
+    """The agent `picker_page`: what pickers ask for becomes knowledge (P2's PickerWebInterface)."""
+
+    def __init__(self, knowledge: Knowledge) -> None:
+        """Take no order yet."""
+        self._handle = knowledge.as_agent("picker_page")
+        self._count = 0
+
+    def order(self, kind: OrderKind, area: str, to: str) -> None:
+        """Insert an order, from one area to another."""
+        self._count += 1
+        name = f"order_{self._count}"
+        with self._handle.transaction() as change:
+            change.insert_node(name, "order", kind=kind)
+            change.insert_edge(name, "of_area", area)
+            change.insert_edge(name, "to_area", to)
+
+    def tell_load(self, load: Load) -> None:
+        """Write what is in the container that the robot serves."""
+        self._handle.set("robot", "container_load", load)
+
+
+class Store:
+    """The shop with its robot, open.
+
+    Attributes:
+        world: with the ground truth.
+        knowledge: what the robot has of it.
+        judge: of the run so far.
+        page: on which pickers order.
+    """
+
+    def __init__(self, clock: Clock, settings: StoreSettings) -> None:
+        """Open the shop.
+
+        Args:
+            clock: on which it runs.
+            settings: what is to happen.
+        """
+        self.world = StoreWorld(clock, beginning(settings))
+        self.knowledge = Knowledge(store_knowledge(), clock=clock)
+        self.page = PickerPage(self.knowledge)
+        self.judge = Judge(self.world.state())
+        self._clock = clock
+        self._handovers: list[tuple[float, str]] = []
+        self._samples: list[str] = []
+        self._agents = start_agents(self.knowledge, self.world.body, clock)
+        for see in (self.judge.see, Staff(self.world).see, Pickers(settings, self.world, self.page).see):
+            self.world.watch(see)
+        self.world.watch(lambda _: self._sample())
+        for task in self.knowledge.model.tasks:
+            self._follow(task.name)
+
+    def record(self) -> str:
+        """Return what was true once a second, what happened, and how tasks went, as lines of text."""
+        lines = [*self._lines(self.world.events), *self._lines(self._handovers)]
+        return "\n".join((*self._samples, *lines, repr(self.judge.score))) + "\n"
+
+    def _follow(self, task: str) -> None:
+        for stage in Stage:
+            self.knowledge.subscribe(partial(self._handed_over, task, stage), path("robot", stage, task))
+
+    def _handed_over(self, task: str, stage: Stage, change: Change) -> None:
+        handover = change.snapshot.handover(task)
+        if handover.stage is stage:
+            told = f"{task} {handover.number} {stage} {handover.result or handover.reason}".rstrip()
+            self._handovers.append((self._clock.now_s(), told))
+
+    def _sample(self) -> None:
+        state = self.world.state()
+        if state.step % 10 == 0:
+            self._samples.append(repr(state))
+
+    @staticmethod
+    def _lines(events: list[tuple[float, str]]) -> Iterator[str]:
+        return (f"{instant_s:.3f} {what}" for instant_s, what in events)

@@ -1,0 +1,201 @@
+"""The context of 'store': 0 observers, 14 context-variables, 0 skills.
+
+Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Literal, Never, TypeVar, overload
+
+from codra_dsl.runtime import Clock, ContextManager, Reading, Record
+from codra_dsl.runtime.model import ContextModel
+
+from . import store
+
+ContainerLoad = Literal["empty", "loading", "full"]
+GoalWay = Literal["forward", "backward"]
+BaseNotice = Literal["none", "container_not_found", "mission_aborted"]
+FloatName = Literal["battery_level", "person_distance", "front_gap", "back_gap", "speed", "pose_spread", "max_speed"]
+BoolName = Literal["charging", "camera_steady", "bumped", "loaded"]
+ContainerLoadName = Literal["container_load"]
+GoalWayName = Literal["goal_way"]
+BaseNoticeName = Literal["base_notice"]
+VariableName = FloatName | BoolName | ContainerLoadName | GoalWayName | BaseNoticeName
+FloatAnswer = TypeVar("FloatAnswer", bound=float | None)
+BoolAnswer = TypeVar("BoolAnswer", bound=bool | None)
+ContainerLoadAnswer = TypeVar("ContainerLoadAnswer", bound=ContainerLoad | None)
+GoalWayAnswer = TypeVar("GoalWayAnswer", bound=GoalWay | None)
+BaseNoticeAnswer = TypeVar("BaseNoticeAnswer", bound=BaseNotice | None)
+SkillName = Never
+
+MODEL = ContextModel(
+    name="store",
+    variables=(*store.VARIABLES,),
+    observers=(*store.OBSERVERS,),
+    skills=(*store.SKILLS,),
+    resources=(),
+)
+
+
+class Store(ContextManager[VariableName, SkillName]):
+    """The context manager of 'store', with the types of its values."""
+
+    if TYPE_CHECKING:
+
+        @overload
+        def get(self, name: FloatName) -> Reading[float]: ...
+
+        @overload
+        def get(self, name: BoolName) -> Reading[bool]: ...
+
+        @overload
+        def get(self, name: ContainerLoadName) -> Reading[ContainerLoad]: ...
+
+        @overload
+        def get(self, name: GoalWayName) -> Reading[GoalWay]: ...
+
+        @overload
+        def get(self, name: BaseNoticeName) -> Reading[BaseNotice]: ...
+
+        @overload
+        def get(self, name: VariableName) -> Reading[Any]: ...
+
+        def get(self, name: VariableName) -> Reading[Any]:
+            """Return what is known of a variable now."""
+
+        @overload
+        def set(self, name: FloatName, value: float, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
+        def set(self, name: BoolName, value: bool, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
+        def set(self, name: ContainerLoadName, value: ContainerLoad, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
+        def set(self, name: GoalWayName, value: GoalWay, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
+        def set(self, name: BaseNoticeName, value: BaseNotice, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
+        def set(self, name: VariableName, value: Never, *, evidence_s: float | None = ...) -> None: ...
+
+        def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
+            """Write a variable as the main execution."""
+
+        @overload
+        def declare(self, name: FloatName, value: float | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: BoolName, value: bool | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: ContainerLoadName, value: ContainerLoad | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: GoalWayName, value: GoalWay | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: BaseNoticeName, value: BaseNotice | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: VariableName, value: None = None) -> None: ...
+
+        def declare(self, name: VariableName, value: Any = None) -> None:
+            """Take a variable into what the main execution needs, with a value if it knows one."""
+
+        @overload
+        def decide(
+            self,
+            name: FloatName,
+            otherwise: Callable[[], FloatAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> float | FloatAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: BoolName,
+            otherwise: Callable[[], BoolAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> bool | BoolAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: ContainerLoadName,
+            otherwise: Callable[[], ContainerLoadAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> ContainerLoad | ContainerLoadAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: GoalWayName,
+            otherwise: Callable[[], GoalWayAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> GoalWay | GoalWayAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: BaseNoticeName,
+            otherwise: Callable[[], BaseNoticeAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> BaseNotice | BaseNoticeAnswer: ...
+
+        @overload
+        def decide(
+            self,
+            name: VariableName,
+            otherwise: Callable[[], Never],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> Any: ...
+
+        def decide(
+            self,
+            name: VariableName,
+            otherwise: Callable[[], Any],
+            *,
+            max_age_s: float = math.inf,
+            since_s: float = -math.inf,
+            wait_up_to_s: float = 0.0,
+            shadow: bool = False,
+        ) -> Any:
+            """Answer a decision from context, or fall back to sequential perception."""
+
+
+def start(
+    *,
+    clock: Clock,
+    resources: Mapping[str, object],
+    seed: int = 0,
+    record: Record | None = None,
+) -> Store:
+    """Return the context manager; nothing is observed before it is declared or expected."""
+    return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record)

@@ -1,0 +1,84 @@
+"""Context of specs/store.yaml.
+
+Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
+"""
+
+from codra_dsl.runtime.model import ObserverModel, SkillModel, VariableModel, boolean, member, real
+
+VARIABLES: tuple[VariableModel, ...] = (
+    VariableModel(
+        name="battery_level",
+        type=real(0, 100, unit="percent"),
+        label="Battery",
+        sources=("navigation",),
+        valid_for_s=60.0,
+    ),
+    VariableModel(name="charging", type=boolean(), label="Charging", sources=("navigation",), valid_for_s=60.0),
+    VariableModel(
+        name="camera_steady",
+        type=boolean(),
+        label="Camera steady",
+        sources=("camera_agent",),
+        valid_for_s=2.0,
+    ),
+    VariableModel(
+        name="person_distance",
+        type=real(0, 10, unit="m"),
+        label="Nearest person",
+        sources=("person_detection",),
+        valid_for_s=2.0,
+    ),
+    VariableModel(
+        name="front_gap",
+        type=real(0, 10, unit="m"),
+        label="Nearest thing in front",
+        sources=("lasers",),
+        valid_for_s=2.0,
+    ),
+    VariableModel(
+        name="back_gap",
+        type=real(0, 10, unit="m"),
+        label="Nearest thing behind",
+        sources=("lasers",),
+        valid_for_s=2.0,
+    ),
+    VariableModel(name="bumped", type=boolean(), label="Bumped", sources=("navigation",), valid_for_s=5.0),
+    VariableModel(
+        name="speed",
+        type=real(-1.5, 1.5, unit="m/s"),
+        label="Speed",
+        sources=("navigation",),
+        valid_for_s=5.0,
+    ),
+    VariableModel(
+        name="pose_spread",
+        type=real(0, 10, unit="m"),
+        label="Spread of the pose",
+        sources=("localisation",),
+        valid_for_s=5.0,
+    ),
+    VariableModel(name="loaded", type=boolean(), label="Something on the fork", sources=("fork",)),
+    VariableModel(
+        name="container_load",
+        type=member("empty", "loading", "full"),
+        label="Load of the container",
+        sources=("picker_page",),
+    ),
+    VariableModel(name="max_speed", type=real(0, 1.5, unit="m/s"), label="Maximum speed", sources=("adaptation",)),
+    VariableModel(
+        name="goal_way",
+        type=member("forward", "backward"),
+        label="Way to the goal",
+        sources=("mission", "picking"),
+    ),
+    VariableModel(
+        name="base_notice",
+        type=member("none", "container_not_found", "mission_aborted"),
+        label="Notice to the base",
+        sources=("mission", "picking"),
+    ),
+)
+
+OBSERVERS: tuple[ObserverModel, ...] = ()
+
+SKILLS: tuple[SkillModel, ...] = ()
