@@ -11,6 +11,7 @@ from codra_dsl.runtime import Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.model import ContextModel
 
 from . import store
+from .knowledge import KNOWLEDGE, StoreKnowledge
 
 ContainerLoad = Literal["empty", "loading", "full"]
 GoalWay = Literal["forward", "backward"]
@@ -41,6 +42,7 @@ class Store(ContextManager[VariableName, SkillName]):
     """The context manager of 'store', with the types of its values."""
 
     if TYPE_CHECKING:
+        knowledge: StoreKnowledge
 
         @overload
         def get(self, name: FloatName) -> Reading[float]: ...
@@ -198,4 +200,4 @@ def start(
     record: Record | None = None,
 ) -> Store:
     """Return the context manager; nothing is observed before it is declared or expected."""
-    return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record)
+    return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record, knowledge=KNOWLEDGE)
