@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codra_dsl.expression import parse, to_text
 from codra_dsl.runtime.trees import Robot, Scope, TreeError
 from codra_dsl.trees.scripts import ScriptProblem, parse_condition, parse_script
 from tests.trees.stories import compiled, document, findings, main_tree
@@ -75,6 +76,16 @@ def test_the_examples_of_the_guide(code: str, expected: dict[str, object]) -> No
 )
 def test_operators_hold_as_in_c(expression: str, expected: object) -> None:
     assert value(expression, x=5, y="a", text="42") == expected
+
+
+@pytest.mark.parametrize(
+    "text", ["!a || -b < 3.5", "(a && b) || c == 'd'", "a > 1 ? b + 2 * 3 : (c - 1) / 4", "1 < a <= 0x10"]
+)
+def test_a_script_is_a_condition_of_our_own_language_too(text: str) -> None:
+    node = parse_condition(text)
+
+    assert not isinstance(node, ScriptProblem)
+    assert parse(to_text(node)) == node
 
 
 def test_a_long_script_has_a_function_of_its_own_and_means_the_same() -> None:
