@@ -104,5 +104,8 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
 
 
 def hedged(degree: Bounds | None, of: Callable[[float], float]) -> Bounds | None:
-    """Return the degree of a conclusion with a hedge."""
-    return None if degree is None else hedge(of, degree)
+    """Return the degree of a conclusion with a hedge: what perhaps does not act counts as 0, not as the hedge of 0."""
+    if degree is None:
+        return None
+    found = hedge(of, degree)
+    return found if degree.low > 0.0 else _perhaps(found)
