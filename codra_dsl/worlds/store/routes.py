@@ -62,7 +62,7 @@ def route(start: Stand, goal: Stand, avoid: Sequence[Disc] = ()) -> tuple[Point,
         NoRouteError: if there is none.
     """
     grid = _grid() if not avoid else _without(avoid)
-    out_m, first = _way_out(start, grid)
+    out_m, first = _way_out(start, grid, avoid)
     last = _nearest(grid, goal.point_m)
     if last is None:
         raise NoRouteError(f"there is no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
@@ -75,7 +75,7 @@ def route(start: Stand, goal: Stand, avoid: Sequence[Disc] = ()) -> tuple[Point,
     return (*beginning, *corners[:-1], goal.point_m)
 
 
-def _way_out(start: Stand, grid: nx.Graph[Point]) -> tuple[Point, Point]:
+def _way_out(start: Stand, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
     """Return where the robot has room to turn, here, or straight ahead, or straight behind; and the grid's point there.
 
     Raises:
@@ -84,7 +84,7 @@ def _way_out(start: Stand, grid: nx.Graph[Point]) -> tuple[Point, Point]:
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
-            if not has_room(start.point_m, end_m, LANE_M):
+            if not has_room(start.point_m, end_m, LANE_M) or (step and _passes(start.point_m, end_m, avoid, LANE_M)):
                 break
             node = _nearest(grid, end_m)
             if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
@@ -133,7 +133,9 @@ def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc])
     while index < len(found):
         farthest = index
         for candidate in range(len(found) - 1, index, -1):
-            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(at, found[candidate], avoid):
+            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(
+                at, found[candidate], avoid, TURNING_ROOM_M
+            ):
                 farthest = candidate
                 break
         at, index = found[farthest], farthest + 1
@@ -141,13 +143,14 @@ def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc])
     return corners
 
 
-def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc], room_m: float) -> bool:
+    """Return whether a straight way comes nearer to what is to be avoided than there must be room."""
     length_m = _distance_m(start_m, end_m) or 1.0
     along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:
         dx, dy = disc.centre_m[0] - start_m[0], disc.centre_m[1] - start_m[1]
         reached_m = min(max(dx * along[0] + dy * along[1], 0.0), length_m)
-        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + TURNING_ROOM_M:
+        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + room_m:
             return True
     return False
 
