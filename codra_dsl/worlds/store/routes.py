@@ -84,12 +84,20 @@ def _way_out(start: Stand, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tupl
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
-            if not has_room(start.point_m, end_m, LANE_M) or (step and _passes(start.point_m, end_m, avoid, LANE_M)):
+            if not has_room(start.point_m, end_m, LANE_M) or _approaches(start.point_m, end_m, avoid):
                 break
             node = _nearest(grid, end_m)
             if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
                 return end_m, node
     raise NoRouteError(f"there is no room to turn near {start.point_m}")
+
+
+def _approaches(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a step leads near to what is to be avoided, and nearer than before."""
+    return any(
+        _distance_m(end_m, disc.centre_m) < min(_distance_m(start_m, disc.centre_m), disc.radius_m + LANE_M)
+        for disc in avoid
+    )
 
 
 @cache
@@ -133,9 +141,7 @@ def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc])
     while index < len(found):
         farthest = index
         for candidate in range(len(found) - 1, index, -1):
-            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(
-                at, found[candidate], avoid, TURNING_ROOM_M
-            ):
+            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(at, found[candidate], avoid):
                 farthest = candidate
                 break
         at, index = found[farthest], farthest + 1
@@ -143,14 +149,14 @@ def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc])
     return corners
 
 
-def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc], room_m: float) -> bool:
-    """Return whether a straight way comes nearer to what is to be avoided than there must be room."""
+def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a straight way comes nearer to what is to be avoided than turning takes."""
     length_m = _distance_m(start_m, end_m) or 1.0
     along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:
         dx, dy = disc.centre_m[0] - start_m[0], disc.centre_m[1] - start_m[1]
         reached_m = min(max(dx * along[0] + dy * along[1], 0.0), length_m)
-        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + room_m:
+        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + TURNING_ROOM_M:
             return True
     return False
 
