@@ -49,7 +49,7 @@ def _protocol(settings: Settings) -> Section:
                 text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
                 f" times, on a first seed as in P1 and on {settings.seeds} further seeds. Without observers it looks"
                 f" for each decision. With observers it asks those of the arm '{NEED_ON_EVENT.name}',"
-                " and looks if they have no answer. The same seed gives the same world, and the same durations and slips"
+                " and looks if they have no answer. The same seed gives the same world and the same durations and slips"
                 " of the robot's actions, in both."
             ),
             Words(

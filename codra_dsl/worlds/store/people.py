@@ -27,7 +27,7 @@ PATIENCE_S = 4.0
 """How long one waits for the robot before one turns round."""
 
 STEP_BACK_M = 1.5
-"""So far one goes back then, the way that one came."""
+"""So far one goes back then at most, the way that one came."""
 
 Plan = Iterator[tuple[Point, float]]
 """Points to walk to, and how long to stand there, in seconds."""
@@ -56,6 +56,7 @@ class Person:
         self._make_plan = plan
         self._plan = plan(at_m)
         self._goal, self._stay_s = next(self._plan)
+        self._from_m = at_m
         self._waited_s = 0.0
 
     def disc(self) -> Disc:
@@ -78,15 +79,17 @@ class Person:
     def _stand(self, duration_s: float) -> None:
         self._stay_s -= duration_s
         if self._stay_s <= 0.0:
+            self._from_m = self.at_m
             self._goal, self._stay_s = next(self._plan)
 
     def _wait(self, duration_s: float) -> None:
         self._waited_s += duration_s
         if self._waited_s >= PATIENCE_S:
             self._waited_s = 0.0
-            back_m = _towards(self.at_m, self._goal, -STEP_BACK_M)
+            length_m = _distance_m(self.at_m, self._from_m)
+            back_m = _towards(self.at_m, self._from_m, min(STEP_BACK_M, length_m)) if length_m > 0.0 else self.at_m
             self._plan = self._make_plan(back_m)
-            self._goal, self._stay_s = back_m, PATIENCE_S
+            self._from_m, self._goal, self._stay_s = self.at_m, back_m, PATIENCE_S
 
 
 def shopper(seed: int, number: int) -> Person:
