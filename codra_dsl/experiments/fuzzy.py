@@ -75,7 +75,7 @@ def draw_surface(
 
 
 def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return what `draw_surface` draws: a row for each of 61 values of the second input, from the least to the greatest."""
+    """Return what `draw_surface` draws: a row for each of 61 values of the second input, the least first."""
     infer = load_engine(engine).infer
     index = [each.name for each in engine.outputs].index(output)
     usual = {each.name: (each.minimum + each.maximum) / 2.0 for each in engine.inputs} | dict(fixed)
