@@ -67,7 +67,7 @@ def hamacher_sum(a: float, b: float) -> float:
 
     Near 1 it is computed by what is missing to 1: as it stands both differences are nothing but rounding there.
     """
-    if a * b > 0.5 and a * b != 1.0:
+    if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
         both = missing_a * missing_b
         return 1.0 - divided(both, missing_a + missing_b - both)
