@@ -67,10 +67,10 @@ def hamacher_sum(a: float, b: float) -> float:
 
     Near 1 it is computed by what is missing to 1: as it stands both differences are nothing but rounding there.
     """
-    if 0.5 < a * b < 1.0:
+    if (a > 0.5 or b > 0.5) and a * b != 1.0:
         missing_a, missing_b = 1.0 - a, 1.0 - b
         both = missing_a * missing_b
-        return 1.0 - both / (missing_a + missing_b - both)
+        return 1.0 - divided(both, missing_a + missing_b - both)
     return divided(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
 
 

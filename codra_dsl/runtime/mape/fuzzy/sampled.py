@@ -63,7 +63,7 @@ def _hamacher_sum(a: Samples, b: Samples) -> Samples:
     both = missing_a * missing_b
     near_one = 1.0 - both / (missing_a + missing_b - both)
     usual = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
-    return np.where((product > 0.5) & (product < 1.0), near_one, usual)
+    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), near_one, usual)
 
 
 def _nilpotent_maximum(a: Samples, b: Samples) -> Samples:
