@@ -54,8 +54,8 @@ class Standing:
 
 
 def reported_seeds(settings: Settings) -> range:
-    """Return the seeds that a report is made of."""
-    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
+    """Return the seeds that a report is made of: one at least."""
+    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + max(settings.seeds, 1))
 
 
 def standings(
