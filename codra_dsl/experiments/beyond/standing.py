@@ -54,8 +54,8 @@ class Standing:
 
 
 def reported_seeds(settings: Settings) -> range:
-    """Return the seeds that a report is made of."""
-    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
+    """Return the seeds that a report is made of: one at least."""
+    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + max(settings.seeds, 1))
 
 
 def standings(
@@ -104,20 +104,20 @@ def difference(
     return ratio_difference(left, right)
 
 
-_HEADER = (
-    *("arm", "ratio", "strict ratio", "ratio, difference", "strict, difference", "wrong s", "unknown s"),
-    *("asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share"),
-)
+def standings_tables(found: Sequence[Standing], caption: str) -> tuple[Table, Table]:
+    """Return what arms knew, and what came of it at decisions and what it cost: one line an arm in each."""
+    knew = ("arm", "ratio", "strict ratio", "ratio, difference", "strict, difference", "wrong s", "unknown s")
+    used = ("arm", "asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share")
+    cost = (
+        "Asked: what was held when a decision needed it; marked where it was wrong. Lag: after changes of the truth; "
+        "some were never seen before the next. Triggers: all jobs that need the vision slot."
+    )
+    wrong = frozenset((row, 2) for row, one in enumerate(found) if one.answers.wrong)
+    told = Table(caption=cost, header=used, rows=[_used(one) for one in found], marked=wrong)
+    return plain_table(caption, knew, [_knew(one) for one in found]), told
 
 
-def standings_table(found: Sequence[Standing], caption: str) -> Table:
-    """Return one line an arm."""
-    table = plain_table(caption, _HEADER, [_line(one) for one in found])
-    wrong = frozenset((row, 8) for row, one in enumerate(found) if one.answers.wrong)
-    return Table(caption=caption, header=table.header, rows=table.rows, marked=wrong)
-
-
-def _line(one: Standing) -> Sequence[Cell]:
+def _knew(one: Standing) -> Sequence[Cell]:
     return (
         one.arm,
         ratio(one.seconds.paper),
@@ -126,6 +126,12 @@ def _line(one: Standing) -> Sequence[Cell]:
         None if one.strict_difference is None else interval(one.strict_difference),
         round(one.seconds.wrong_s, 1),
         round(one.seconds.unknown_s, 1),
+    )
+
+
+def _used(one: Standing) -> Sequence[Cell]:
+    return (
+        one.arm,
         one.answers.right,
         one.answers.wrong,
         one.answers.fell_back,
