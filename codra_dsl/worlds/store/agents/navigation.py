@@ -15,7 +15,7 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
 from codra_dsl.worlds.store.body import FRONT, Body, Outcome, Way
-from codra_dsl.worlds.store.geometry import Disc, Stand, wrapped
+from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
 from codra_dsl.worlds.store.routes import LANE_M, NoRouteError, has_room, route
@@ -26,6 +26,9 @@ TRIES = 8
 
 FACING_RAD = 0.03
 BACK_OFF_M = 0.5
+BACK_ROOM_M = 1.2
+"""No container may be known to stand nearer than this to where it backs off to."""
+
 OBSTACLE_M = 0.3
 """The radius of what the laser sees in the way."""
 
@@ -110,7 +113,8 @@ class Navigation:
             return
         avoid, robot = self._in_the_way(), self._body.believed()
         back_m = robot.out(-BACK_OFF_M)
-        if not has_room(robot.point_m, back_m, LANE_M):
+        is_free = all(hypot(back_m[0] - x, back_m[1] - y) > BACK_ROOM_M for x, y in self._container_points())
+        if not is_free or not has_room(robot.point_m, back_m, LANE_M):
             self._go(avoid)
             return
         go_on = partial(self._go, avoid)
@@ -137,10 +141,13 @@ class Navigation:
         return () if nearest is None else (Disc(robot.out(*nearest), OBSTACLE_M),)
 
     def _containers(self) -> tuple[Disc, ...]:
+        return tuple(Disc(point_m, CONTAINER_M / 2) for point_m in self._container_points())
+
+    def _container_points(self) -> list[Point]:
+        """Return where containers are known to stand."""
         snapshot = self._knowledge.snapshot()
-        stands = [
-            stand_of(snapshot.transform("world", node.name).pose)
+        return [
+            stand_of(snapshot.transform("world", node.name).pose).point_m
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]
-        return tuple(Disc(stand.point_m, CONTAINER_M / 2) for stand in stands)
