@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.agents import AgentTakenError
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Transform
@@ -40,10 +41,6 @@ SeenT = TypeVar("SeenT")
 
 MOST_PAST = 4_096
 """Changes of the graph that `at` can go back."""
-
-
-class AgentTakenError(PermissionError):
-    """An agent was to be taken of which a handle is open."""
 
 
 class Knowledge:

@@ -71,6 +71,8 @@ class Snapshot:
             self._words.node_type(type_name)
             nodes = self._state.nodes
             found = [nodes[name] for name in self._state.of_type.get(type_name) or ()]
+        if where is not None and not isinstance(where, Term):
+            raise TypeError(f"where is a condition over attributes, not {where!r}")
         if where is not None:
             found = [node for node in found if where.holds(_Attributes(node, self.instant_s))]
         return tuple(sorted(found, key=_number))
