@@ -460,6 +460,8 @@ with picking_up.start(clock=SimClock(), resources={}) as codra:
     with picking.transaction() as begun:
         plain(picking, graph, begun)
     graph.as_agent("person_detection").set_of_edge("anna", "near", "robot", "distance", 0.5)
+    with detection.acting("miss") as acting, acting.transaction() as first:
+        first.insert_node("another", "roll_container")
     picking.close()
     ask(codra.agent("picking").graph)
     codra.agent("main_execution").graph.request("picking_up")
@@ -483,6 +485,8 @@ WRONG = (
     'now.nodes("persn")',
     'now.edges("nar")',
     "ask(detection)",
+    'first.insert_node("anna", "person")',
+    'detection.acting("detct")',
     'codra.agent("pickin")',
     'codra.agent("container_detection").graph.insert_node("anna", "person")',
     'codra.agent("navigation").set("batery_level", 50.0)',

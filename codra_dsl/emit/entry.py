@@ -9,14 +9,13 @@ from codra_dsl.build_plan.names import camel_case, entry_names, knowledge_class
 from codra_dsl.check.knowledge.checked import CheckedKnowledge
 from codra_dsl.emit.access import Values, alias, methods
 from codra_dsl.emit.declarations import resource
-from codra_dsl.emit.handles import literals, named_handles, taking
+from codra_dsl.emit.handles import NARROWER, literals, named_handles, taking
 from codra_dsl.emit.imports import Imports, statement
 from codra_dsl.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.emit.literals import text_literal
 from codra_dsl.emit.rendering import made_by, render
 from codra_dsl.model import Kind
 
-_NARROW = "  # type: ignore[override]  # takes fewer names, on purpose"
 _PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
 
 
@@ -86,7 +85,7 @@ def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
         if number:
             yield each
         else:
-            yield each.replace("@overload", f"@overload{_NARROW}") if several else each.removesuffix(" ...") + _NARROW
+            yield each.replace("@overload", f"@overload{NARROWER}") if several else each.removesuffix(" ...") + NARROWER
 
 
 def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:

@@ -26,6 +26,7 @@ MOST_HANDLES = 50
 
 _INDENT = 8
 _STEP = 4
+NARROWER = "  # type: ignore[override]  # takes fewer names, on purpose"
 _NARROW = "  # type: ignore[misc]  # takes fewer names, on purpose"
 
 
@@ -58,6 +59,7 @@ class _Names:
     attributes_of_edges: Expression
     tasks: Expression
     results: Expression
+    rules: Expression
 
 
 def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
@@ -96,9 +98,11 @@ def taking(method: str, taken: Sequence[tuple[Expression, str]], definition: str
 
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
-    imports.use("AbstractContextManager", "Edge", "Handover", "Node", "Pose", "Request", "Reading", "Any", "Term")
+    imports.use(
+        "AbstractContextManager", "Acting", "Edge", "Handover", "Node", "Pose", "Request", "Reading", "Any", "Term"
+    )
     named = named_handles(knowledge)
-    classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge.world))]
+    classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge))]
     rest = knowledge.writers[MOST_HANDLES:]
     return [*classes, *_graph(plan, named, rest, imports)]
 
@@ -149,6 +153,10 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
     yield Class(name=writes, head=f"{writes}:", docstring=f"What agent '{agent}' may write.", methods=methods)
     begin = _method("transaction", f"AbstractContextManager[{transaction}]", ()).removesuffix(" ...")
     begin = f'{begin}\n{" " * (_INDENT + _STEP)}"""Begin changes that become visible together, or not at all."""'
+    act = _method("acting", f"Acting[{transaction}]", (_typed("rule", names.rules),)).removesuffix(" ...")
+    head, *rest = act.splitlines()
+    act = "\n".join([f"{head}{NARROWER}", *rest])
+    act = f'{act}\n{" " * (_INDENT + _STEP)}"""Begin, by a `with` statement, an action of which a rule tells."""'
     yield Class(
         name=transaction,
         head=f"{transaction}({writes}, Transaction):{_NARROW}",
@@ -160,7 +168,7 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
         name=name,
         head=f"{name}({writes}, AgentHandle):{_NARROW}",
         docstring=f"The handle of agent '{agent}'.",
-        methods=(begin,),
+        methods=(begin, act),
         stands_for="AgentHandle",
     )
 
@@ -211,7 +219,8 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
     )
 
 
-def _names_of(agent: str, world: World) -> _Names:
+def _names_of(agent: str, knowledge: CheckedKnowledge) -> _Names:
+    world = knowledge.world
     owned = owns(world, agent)
     edges = [world.edges[thing.name] for thing in owned if thing.section == "edges" and not thing.attribute]
     tasks = world.tasks.values()
@@ -229,6 +238,7 @@ def _names_of(agent: str, world: World) -> _Names:
         attributes_of_edges=literals(each.attribute for each in owned if each.section == "edges" and each.attribute),
         tasks=literals(task.name for task in tasks if agent in (each.name for each in task.requesters)),
         results=literals(result.name for task in tasks if task.by.name == agent for result in task.results),
+        rules=literals(rule.name for each in knowledge.agents if each.name == agent for rule in each.rules),
     )
 
 

@@ -20,6 +20,7 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "codra_dsl.runtime.conditions": [*WORDS, "Term"],
     "codra_dsl.runtime.geometry": ["Motion", "Pose"],
     "codra_dsl.runtime.knowledge": [
+        "Acting",
         "AgentHandle",
         "Edge",
         "Handover",

@@ -69,7 +69,7 @@ class Knowledge:
         self._sharing = sharing
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
         self._steps: Clock = clock if sharing is None else sharing.steps
-        self._turn: AbstractContextManager[object] = threading.Lock() if sharing is None else sharing.steps
+        self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
         self._state = State()
         self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
         self._held: list[Reading[Value]] = []
@@ -227,9 +227,9 @@ class Knowledge:
 
         means = Means(
             commit=commit,
-            transact=lambda: self._transaction(name, check),
+            transact=lambda: self._transaction(name, check, _nothing),
             wake=partial(self._on_wake, name),
-            act=partial(self._acting, name),
+            act=partial(self._acting, name, check),
             close=close,
             check_open=check,
         )
@@ -239,13 +239,14 @@ class Knowledge:
         wakes = tuple(pattern for each in self.model.agents if each.name == agent for pattern in each.wakes)
         return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback))
 
-    def _acting(self, agent: str, name: str) -> Acting:
+    def _acting(self, agent: str, check: Callable[[], None], name: str) -> Acting[Transaction]:
         rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
         return Acting(
             rules[name],
             begin=partial(self._begin_rule, agent, name),
+            transact=partial(self._transaction, agent, check),
             take=self.snapshot,
             tell=partial(self.tell_rule, agent, name),
             subscribe=self.subscribe,
@@ -267,7 +268,7 @@ class Knowledge:
                 self._sharing.tell_rule(agent, name, became, message)
 
     @contextmanager
-    def _transaction(self, name: str, check: Callable[[], None]) -> Iterator[Transaction]:
+    def _transaction(self, name: str, check: Callable[[], None], allow: Callable[[], None]) -> Iterator[Transaction]:
         base = self._state
         draft = Draft(self._words, base, self._now_s(), name)
 
@@ -283,7 +284,9 @@ class Knowledge:
         transaction.check()
         if draft.touched:
             check()
-            self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
+            with self._turn:  # so that what `allow` finds is still so
+                allow()
+                self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
 
     def _take(self, base: State, draft: Draft, transaction: Transaction, present: Draft) -> None:
         """Take over what a transaction has made of the graph; make it again if that is not the present graph.
@@ -359,6 +362,10 @@ class Knowledge:
         self._watches.add(watch, keys)
         watch.changed()
         return watch.subscription
+
+
+def _nothing() -> None:
+    pass
 
 
 def _begin(model: KnowledgeModel, draft: Draft) -> None:

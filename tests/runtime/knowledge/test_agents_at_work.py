@@ -11,7 +11,7 @@ import pytest
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import Became, Change, RuleError
+from codra_dsl.runtime.knowledge import Became, Change, RuleError, Stage
 from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
 from codra_dsl.runtime.replay import replay
 from tests.runtime.journals import read
@@ -118,6 +118,32 @@ def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -
         assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["container_detection"] * 2
         events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in events] == ["refused", "refused"]
+
+
+def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_action(tmp_path: Path) -> None:
+    with store(SimClock(), Journal(tmp_path / "run.mcap")) as codra:
+        detection, people = codra.agent("container_detection").graph, codra.agent("person_detection").graph
+        people.insert_node("him", "person")
+        request = codra.agent("picking").graph.request("detecting")
+        with detection.acting("detect") as acting:
+
+            def begin_as_somebody_comes() -> None:
+                with acting.transaction() as first:
+                    first.acknowledge(request)
+                    people.insert_edge("him", "close_to", "robot")
+
+            with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
+                begin_as_somebody_comes()
+            assert codra.knowledge.snapshot().handover("detecting").stage is Stage.WANTS
+            people.delete_edge("him", "close_to", "robot")
+            with acting.transaction() as first:
+                first.acknowledge(request)
+                first.insert_node("box", "roll_container")
+        told = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
+        assert told == ["begun", "refused", "unfulfilled"]
+        assert codra.knowledge.snapshot().handover("detecting").stage is Stage.IS
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
 
 
 def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:
