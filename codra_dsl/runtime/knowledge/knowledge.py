@@ -209,10 +209,10 @@ class Knowledge:
     # Within
 
     def _handle(self, name: str) -> AgentHandle:
-        closed = threading.Event()
+        is_closed = False
 
         def check() -> None:
-            if closed.is_set():
+            if is_closed:
                 raise PermissionError(f"this handle of the agent {name!r} is closed")
 
         def commit(operation: Operation) -> Any:
@@ -220,9 +220,10 @@ class Knowledge:
             return self._write(name, partial(operation.apply, self._words), (operation,))
 
         def close() -> None:
-            if not closed.is_set():
-                closed.set()
-                with self._handles_lock:
+            nonlocal is_closed
+            with self._handles_lock:
+                if not is_closed:
+                    is_closed = True
                     self._handles.pop(name, None)
 
         means = Means(
@@ -274,7 +275,11 @@ class Knowledge:
 
         def attempt(operation: Operation) -> Any:
             with self._turn:  # histories grow in one thread at a time
-                return self._audited(draft, partial(operation.apply, self._words))
+                try:
+                    return operation.apply(self._words, draft)
+                except PermissionError as error:
+                    self._refuse(name, self._refused(operation, str(error)))
+                    raise
 
         transaction = Transaction(attempt)
         try:
@@ -303,7 +308,11 @@ class Knowledge:
         sharing = self._sharing
         with self._turn:
             draft = Draft(self._words, self._state, self._steps.now_s(), agent, None if sharing is None else [])
-            result = self._audited(draft, change)
+            try:
+                result = change(draft)
+            except PermissionError as error:
+                self._refuse(agent, self._refused(draft.operation, str(error)))
+                raise
             if draft.touched:
                 if sharing is None:
                     self._hold(draft.state())
@@ -329,13 +338,6 @@ class Knowledge:
         """Put another state in the place of the present one."""
         self._state = state
         self._past.append((self._steps.now_s(), state))
-
-    def _audited(self, draft: Draft, change: Callable[[Draft], ResultT]) -> ResultT:
-        try:
-            return change(draft)
-        except PermissionError as error:
-            self._refuse(draft.agent, self._refused(draft.operation, str(error)))
-            raise
 
     def _refused(self, operation: Operation, why: str) -> Refused:
         if self._sharing is None:
