@@ -295,6 +295,12 @@ def test_agents_of_templates_own_what_their_uses_make(tmp_path: Path) -> None:
         assert named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
 
 
+def test_a_tank_is_no_misspelt_task() -> None:
+    found = model_of("codra: 1\nname: yard\nknowledge: {nodes: {tank: tank}}\nagents: {}\n")
+
+    assert [(node.name, node.type) for node in found.nodes] == [("tank", "tank")]
+
+
 def test_a_spec_without_knowledge_has_no_graph() -> None:
     text = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     found = emit(planned(text))

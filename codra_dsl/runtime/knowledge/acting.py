@@ -8,10 +8,12 @@ from contextlib import AbstractContextManager
 from enum import StrEnum
 from typing import Generic, Self, TypeVar
 
+from codra_dsl.logic import Term
 from codra_dsl.runtime.knowledge.declarations import Pattern, RuleModel
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.watching import Change
 from codra_dsl.runtime.subscriptions import Subscription
+from codra_dsl.runtime.term_text import spoken
 
 TransactionT_co = TypeVar("TransactionT_co", covariant=True)
 
@@ -47,7 +49,7 @@ class Acting(Generic[TransactionT_co]):
         begin: Callable[[Callable[[Snapshot], str]], None],
         transact: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
         take: Callable[[], Snapshot],
-        tell: Callable[[Became, str], None],
+        tell: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
     ) -> None:
         """Be ready to begin.
@@ -120,7 +122,7 @@ class Acting(Generic[TransactionT_co]):
 
     def _tell(self, became: Became, message: str) -> None:
         self.became = became
-        self._tell_record(became, message)
+        self._tell_record(str(became), message)
 
 
 def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
@@ -132,4 +134,5 @@ def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
 
 
 def _text(pattern: Pattern) -> str:
-    return str(pattern)
+    """Return a pattern as a spec would say it, numbers in SI units."""
+    return spoken(str(pattern)) if isinstance(pattern, Term) else str(pattern)

@@ -58,8 +58,8 @@ def _named(ledger: Ledger, name: str) -> str:
 
 
 def _reading(name: str, past: _Past, ledger: Ledger, at_s: float) -> Reading[Value]:
-    """Return what is known of a thing; of a node or an edge, whether it is there."""
-    stages = [event for event in past.values() if event.what in _STAGES]
+    """Return what is known of a thing; of a node or an edge, whether it is there; of a task or a rule, how far."""
+    stages = [event for event in past.values() if event.what in (*_STAGES, *_RULES)]
     if "written" in past:
         return _of_attribute(name, past["written"], ledger, at_s)
     if stages:

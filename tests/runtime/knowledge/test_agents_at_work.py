@@ -141,6 +141,9 @@ def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_a
                 first.insert_node("box", "roll_container")
         told = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
         assert told == ["begun", "refused", "unfulfilled"]
+        why = codra.why("container_detection.detect")
+        assert str(why).startswith("container_detection.detect is 'unfulfilled' at 0 s")
+        assert "unfulfilled at 0 s: detecting.result == 'ok' does not hold" in str(why)
         assert codra.knowledge.snapshot().handover("detecting").stage is Stage.IS
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
