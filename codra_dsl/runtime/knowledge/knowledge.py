@@ -210,6 +210,7 @@ class Knowledge:
 
     def _handle(self, name: str) -> AgentHandle:
         is_closed = False
+        wakes: list[Subscription] = []
 
         def check() -> None:
             if is_closed:
@@ -219,17 +220,24 @@ class Knowledge:
             check()
             return self._write(name, partial(operation.apply, self._words), (operation,))
 
+        def wake(callback: Callable[[Change], object]) -> Subscription:
+            check()
+            wakes.append(self._on_wake(name, callback))
+            return wakes[-1]
+
         def close() -> None:
             nonlocal is_closed
             with self._handles_lock:
                 if not is_closed:
                     is_closed = True
                     self._handles.pop(name, None)
+            for subscription in wakes:
+                subscription.unsubscribe()
 
         means = Means(
             commit=commit,
             transact=lambda: self._transaction(name, check, _nothing),
-            wake=partial(self._on_wake, name),
+            wake=wake,
             act=partial(self._acting, name, check),
             close=close,
             check_open=check,
@@ -270,6 +278,7 @@ class Knowledge:
 
     @contextmanager
     def _transaction(self, name: str, check: Callable[[], None], allow: Callable[[], None]) -> Iterator[Transaction]:
+        check()
         base = self._state
         draft = Draft(self._words, base, self._now_s(), name)
 

@@ -238,7 +238,7 @@ class AgentHandle(Writer):
         self.close()
 
     def close(self) -> None:
-        """Write no more with this handle; the agent can be taken again."""
+        """Write no more with this handle, and be woken no more; the agent can be taken again."""
         self._means.close()
 
     def check_open(self) -> None:

@@ -80,6 +80,22 @@ def test_an_agent_that_nothing_wakes_is_called_once_and_is_active_from_then_on()
     assert len(told) == 1
 
 
+def test_an_agent_whose_handle_is_closed_is_woken_no_more_and_begins_nothing() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        detection, picking = codra.agent("container_detection"), codra.agent("picking").graph
+        detection.on_wake(lambda _: told.append("the first"))
+        detection.close()
+        again = codra.agent("container_detection")
+        again.on_wake(lambda _: told.append("the next"))
+        picking.request("detecting")
+        clock.sleep(1.0)
+        assert told == ["the next"]
+        for begin in (lambda: detection.on_wake(print), lambda: detection.graph.transaction().__enter__()):
+            with pytest.raises(PermissionError, match="is closed"):
+                begin()
+
+
 def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
     clock = SimClock()
     with store(clock, Journal(tmp_path / "run.mcap")) as codra:
