@@ -273,6 +273,18 @@ def test_a_handle_at_run_time_is_the_class_that_its_name_says(tmp_path: Path) ->
         assert isinstance(codra.knowledge.snapshot(), made.PickingUpSnapshot)
 
 
+def test_the_main_execution_asks_for_its_tasks_through_a_handle_of_its_own(tmp_path: Path) -> None:
+    with started(tmp_path) as codra:
+        main = codra.knowledge.as_agent("main_execution")
+        request = main.request("picking_up")
+        codra.agent("picking").graph.acknowledge(request)
+        main.abort(request)
+
+        assert codra.knowledge.snapshot().handover("picking_up").requester == "main_execution"
+        with pytest.raises(NotASourceError):
+            main.request("detecting")
+
+
 def test_agents_of_templates_own_what_their_uses_make(tmp_path: Path) -> None:
     with started(tmp_path, TWO_FORKS) as codra:
         assert codra.knowledge is not None
@@ -281,6 +293,12 @@ def test_agents_of_templates_own_what_their_uses_make(tmp_path: Path) -> None:
 
         assert codra.knowledge.get("left_load", "side").value == "left"
         assert named(model(TWO_FORKS).tasks, "lifting_back").by == "back_driver"
+
+
+def test_a_tank_is_no_misspelt_task() -> None:
+    found = model_of("codra: 1\nname: yard\nknowledge: {nodes: {tank: tank}}\nagents: {}\n")
+
+    assert [(node.name, node.type) for node in found.nodes] == [("tank", "tank")]
 
 
 def test_a_spec_without_knowledge_has_no_graph() -> None:
@@ -448,6 +466,12 @@ with picking_up.start(clock=SimClock(), resources={}) as codra:
     with picking.transaction() as begun:
         plain(picking, graph, begun)
     graph.as_agent("person_detection").set_of_edge("anna", "near", "robot", "distance", 0.5)
+    with detection.acting("miss") as acting, acting.transaction() as first:
+        first.insert_node("another", "roll_container")
+    picking.close()
+    ask(codra.agent("picking").graph)
+    codra.agent("main_execution").graph.request("picking_up")
+    codra.agent("navigation").set("battery_level", 50.0)
     print(graph.get("box", "weight").known, now.handover(task).stage, now.edges(edge, target="box"), now.nodes())
 """
 WRONG = (
@@ -467,6 +491,12 @@ WRONG = (
     'now.nodes("persn")',
     'now.edges("nar")',
     "ask(detection)",
+    'first.insert_node("anna", "person")',
+    'detection.acting("detct")',
+    'codra.agent("pickin")',
+    'codra.agent("container_detection").graph.insert_node("anna", "person")',
+    'codra.agent("navigation").set("batery_level", 50.0)',
+    'codra.agent("main_execution").graph.request("detecting")',
 )
 
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from codra_dsl.build_plan import BuildPlan
 from codra_dsl.build_plan.names import camel_case, entry_names, knowledge_class
+from codra_dsl.check.knowledge.checked import CheckedKnowledge
 from codra_dsl.emit.access import Values, alias, methods
 from codra_dsl.emit.declarations import resource
-from codra_dsl.emit.imports import Imports
+from codra_dsl.emit.handles import NARROWER, literals, named_handles, taking
+from codra_dsl.emit.imports import Imports, statement
 from codra_dsl.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_tuple, tuple_of
 from codra_dsl.emit.literals import text_literal
 from codra_dsl.emit.rendering import made_by, render
@@ -25,10 +27,10 @@ def entry_text(plan: BuildPlan) -> str:
     """Return the text of the package's `__init__.py`."""
     imports = Imports()
     imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "Record")
-    kinds = _values(plan)
+    kinds, knowledge = _values(plan), plan.checked.knowledge
     imports.use_math_for(["math.inf"] if kinds else [])
-    knows = plan.checked.knowledge is not None
-    imports.use(*(["TYPE_CHECKING"] if knows else []))
+    imports.use(*(["TYPE_CHECKING"] if knowledge is not None else []))
+    agents = [] if knowledge is None else list(_agents(knowledge, imports))
     imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
     imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
     aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
@@ -44,7 +46,8 @@ def entry_text(plan: BuildPlan) -> str:
         name=plan.name,
         class_name=plan.class_name,
         methods=list(methods(kinds)),
-        knowledge=knowledge_class(plan.name) if knows else "",
+        knowledge=knowledge_class(plan.name) if knowledge is not None else "",
+        agents=agents,
     )
 
 
@@ -59,8 +62,30 @@ def _values(plan: BuildPlan) -> list[Values]:
         elif kind is Kind.ENUM:
             kind, members = Kind.STR, ()
         by_type.setdefault((kind, members), []).append(variable.name)
-    taken = {plan.class_name, *entry_names(plan.checked.spec)}
+    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handles(plan)}
     return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
+
+
+def _handles(plan: BuildPlan) -> list[str]:
+    """Return the names of the types of agents' handles."""
+    knowledge = plan.checked.knowledge
+    return [] if knowledge is None else [handle for _, handle in named_handles(knowledge)]
+
+
+def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
+    """Yield the signatures of `agent`, by which the handles of agents are taken."""
+    named = named_handles(knowledge)
+    rest = knowledge.writers[len(named) :]
+    taken = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in named]
+    taken += [(literals(rest), "Agent[VariableName, AgentHandle]")] if rest else []
+    imports.use(*(["Agent", "Literal"] if taken else []), *(["AgentHandle"] if rest else []))
+    imports.use(*(["overload", "Any"] if len(taken) > 1 else []))
+    several = len(taken) > 1
+    for number, each in enumerate(taking("agent", taken, "def agent(self, name: Any) -> Any:")):
+        if number:
+            yield each
+        else:
+            yield each.replace("@overload", f"@overload{NARROWER}") if several else each.removesuffix(" ...") + NARROWER
 
 
 def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
@@ -110,9 +135,9 @@ def _counted(plan: BuildPlan) -> str:
 def _local_imports(plan: BuildPlan) -> str:
     names = [module.name for module in plan.modules]
     flat = f"from . import {', '.join(names)}"
-    known = (
-        [] if plan.checked.knowledge is None else [f"from .knowledge import KNOWLEDGE, {knowledge_class(plan.name)}"]
-    )
+    known = []
+    if plan.checked.knowledge is not None:
+        known = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handles(plan)])]
     if not names:
         return "\n".join(known)
     plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"

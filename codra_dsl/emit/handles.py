@@ -6,7 +6,7 @@ the classes are those of the runtime, which refuse the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from codra_dsl.build_plan import BuildPlan
@@ -26,6 +26,7 @@ MOST_HANDLES = 50
 
 _INDENT = 8
 _STEP = 4
+NARROWER = "  # type: ignore[override]  # takes fewer names, on purpose"
 _NARROW = "  # type: ignore[misc]  # takes fewer names, on purpose"
 
 
@@ -58,6 +59,7 @@ class _Names:
     attributes_of_edges: Expression
     tasks: Expression
     results: Expression
+    rules: Expression
 
 
 def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
@@ -72,12 +74,35 @@ def aliases(knowledge: CheckedKnowledge) -> Iterator[str]:
     yield alias("TaskName", world.tasks)
 
 
+def named_handles(knowledge: CheckedKnowledge) -> list[tuple[str, str]]:
+    """Return the agents that have handles of their own type, each with the name of this type."""
+    taken = {"AgentHandle"}
+    return [(agent, _handle_name(agent, taken)) for agent in knowledge.writers[:MOST_HANDLES]]
+
+
+def taking(method: str, taken: Sequence[tuple[Expression, str]], definition: str) -> Iterator[str]:
+    """Yield the signatures of a method that takes agents' handles.
+
+    Args:
+        method: its name.
+        taken: by names of agents, the type of their handles.
+        definition: what comes after several signatures.
+    """
+    if len(taken) < 2:
+        yield from (_method(method, handle, (_typed("name", names),)) for names, handle in taken)
+        return
+    for names, handle in taken:
+        yield f"@overload\n{' ' * _INDENT}{_method(method, handle, (_typed('name', names),))}"
+    yield definition
+
+
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
-    imports.use("AbstractContextManager", "Edge", "Handover", "Node", "Pose", "Request", "Reading", "Any", "Term")
-    taken = {"AgentHandle"}
-    named = [(agent, _handle_name(agent, taken)) for agent in knowledge.writers[:MOST_HANDLES]]
-    classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge.world))]
+    imports.use(
+        "AbstractContextManager", "Acting", "Edge", "Handover", "Node", "Pose", "Request", "Reading", "Any", "Term"
+    )
+    named = named_handles(knowledge)
+    classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge))]
     rest = knowledge.writers[MOST_HANDLES:]
     return [*classes, *_graph(plan, named, rest, imports)]
 
@@ -128,6 +153,10 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
     yield Class(name=writes, head=f"{writes}:", docstring=f"What agent '{agent}' may write.", methods=methods)
     begin = _method("transaction", f"AbstractContextManager[{transaction}]", ()).removesuffix(" ...")
     begin = f'{begin}\n{" " * (_INDENT + _STEP)}"""Begin changes that become visible together, or not at all."""'
+    act = _method("acting", f"Acting[{transaction}]", (_typed("rule", names.rules),)).removesuffix(" ...")
+    head, *rest = act.splitlines()
+    act = "\n".join([f"{head}{NARROWER}", *rest])
+    act = f'{act}\n{" " * (_INDENT + _STEP)}"""Begin, by a `with` statement, an action of which a rule tells."""'
     yield Class(
         name=transaction,
         head=f"{transaction}({writes}, Transaction):{_NARROW}",
@@ -139,7 +168,7 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
         name=name,
         head=f"{name}({writes}, AgentHandle):{_NARROW}",
         docstring=f"The handle of agent '{agent}'.",
-        methods=(begin,),
+        methods=(begin, act),
         stands_for="AgentHandle",
     )
 
@@ -173,9 +202,13 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
         methods=(),
         stands_for="Snapshot",
     )
-    taking = [(_literals([agent]), handle) for agent, handle in named]
-    taking += [(_literals(rest), "AgentHandle")] if rest else []
-    methods = (*_taking(taking, imports), _method("snapshot", snapshot, ()), get)
+    taken = [
+        *((literals([agent]), handle) for agent, handle in named),
+        *([(literals(rest), "AgentHandle")] if rest else []),
+    ]
+    imports.use(*(["overload"] if len(taken) > 1 else []))
+    last = _method("as_agent", "Any", ("name: Any",))
+    methods = (*taking("as_agent", taken, last), _method("snapshot", snapshot, ()), get)
     yield Class(name="_Graph", head="_Graph:", docstring="Who writes, and what there is to read.", methods=methods)
     yield Class(
         name=graph,
@@ -186,35 +219,26 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
     )
 
 
-def _taking(taking: list[tuple[Expression, str]], imports: Imports) -> Iterator[str]:
-    """Yield the signatures by which agents' handles are taken."""
-    if len(taking) < 2:
-        yield from (_method("as_agent", handle, (_typed("name", names),)) for names, handle in taking)
-        return
-    imports.use("overload")
-    for names, handle in taking:
-        yield f"@overload\n{' ' * _INDENT}{_method('as_agent', handle, (_typed('name', names),))}"
-    yield _method("as_agent", "Any", ("name: Any",))
-
-
-def _names_of(agent: str, world: World) -> _Names:
+def _names_of(agent: str, knowledge: CheckedKnowledge) -> _Names:
+    world = knowledge.world
     owned = owns(world, agent)
     edges = [world.edges[thing.name] for thing in owned if thing.section == "edges" and not thing.attribute]
     tasks = world.tasks.values()
     return _Names(
-        types=_literals(thing.name for thing in owned if thing.section == "types" and not thing.attribute),
-        attributes=_literals(
+        types=literals(thing.name for thing in owned if thing.section == "types" and not thing.attribute),
+        attributes=literals(
             thing.attribute or thing.name
             for thing in owned
             if thing.section == "context" or (thing.section == "types" and thing.attribute)
         ),
-        edges=_literals(edge.name for edge in edges if not is_rigid(edge)),
-        motions=_literals(edge.name for edge in edges if is_rigid(edge)),
-        all_edges=_literals(edge.name for edge in edges),
-        edges_told=_literals(each.name for each in owned if each.section == "edges" and each.attribute),
-        attributes_of_edges=_literals(each.attribute for each in owned if each.section == "edges" and each.attribute),
-        tasks=_literals(task.name for task in tasks if agent in (each.name for each in task.requesters)),
-        results=_literals(result.name for task in tasks if task.by.name == agent for result in task.results),
+        edges=literals(edge.name for edge in edges if not is_rigid(edge)),
+        motions=literals(edge.name for edge in edges if is_rigid(edge)),
+        all_edges=literals(edge.name for edge in edges),
+        edges_told=literals(each.name for each in owned if each.section == "edges" and each.attribute),
+        attributes_of_edges=literals(each.attribute for each in owned if each.section == "edges" and each.attribute),
+        tasks=literals(task.name for task in tasks if agent in (each.name for each in task.requesters)),
+        results=literals(result.name for task in tasks if task.by.name == agent for result in task.results),
+        rules=literals(rule.name for each in knowledge.agents if each.name == agent for rule in each.rules),
     )
 
 
@@ -232,7 +256,7 @@ def _attributes(world: World) -> Iterator[str]:
     yield from TOLD_BY_TASKS if world.tasks else ()
 
 
-def _literals(names: Iterable[str]) -> Expression:
+def literals(names: Iterable[str]) -> Expression:
     """Return the type of one of some names; that of no value where there are none."""
     items = tuple(map(text_literal, dict.fromkeys(names)))
     return bracketed("Literal[", items, "]") if items else "Never"

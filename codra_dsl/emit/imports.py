@@ -15,11 +15,12 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "py_trees.common": ["ParallelPolicy"],
     "py_trees.composites": ["Parallel", "Selector", "Sequence"],
     "py_trees.decorators": ["FailureIsSuccess"],
-    "codra_dsl.runtime": ["Clock", "ContextManager", "Reading", "Record"],
+    "codra_dsl.runtime": ["Agent", "Clock", "ContextManager", "Reading", "Record"],
     "codra_dsl.runtime.behaviours": ["Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"],
     "codra_dsl.runtime.conditions": [*WORDS, "Term"],
     "codra_dsl.runtime.geometry": ["Motion", "Pose"],
     "codra_dsl.runtime.knowledge": [
+        "Acting",
         "AgentHandle",
         "Edge",
         "Handover",
@@ -73,7 +74,7 @@ class Imports:
         by_home: dict[str, list[str]] = {}
         for name in self._names:
             by_home.setdefault(_HOME[name], []).append(name)
-        statements = [(home, _statement(home, by_home[home])) for home in sorted(by_home)]
+        statements = [(home, statement(home, by_home[home])) for home in sorted(by_home)]
         plain = ["import math"] if self._math else []
         sections = [
             [*(plain if number == 0 else []), *(text for home, text in statements if home.startswith(homes))]
@@ -82,7 +83,8 @@ class Imports:
         return "\n\n".join("\n".join(section) for section in sections if section)
 
 
-def _statement(home: str, names: Iterable[str]) -> str:
+def statement(home: str, names: Iterable[str]) -> str:
+    """Return the statement that imports names from a module."""
     before = f"from {home} import "
     flat = ", ".join(sorted(names, key=_by_kind))
     if len(before) + len(flat) <= WIDTH:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
     from codra_dsl.runtime.knowledge import AgentHandle, Change, Knowledge
     from codra_dsl.runtime.subscriptions import Subscription
 
-VariableName = TypeVar("VariableName", bound=str)
+VariableName_contra = TypeVar("VariableName_contra", bound=str, contravariant=True)
+GraphT_co = TypeVar("GraphT_co", covariant=True)
+
+NO_KNOWLEDGE = "says nothing of knowledge: declare `knowledge` in it, and compile it"
+"""What the error tells where there is no graph."""
 
 
 class NotASourceError(PermissionError):
     """An agent wrote a variable that does not name it as `source`."""
 
 
-class Agent(Generic[VariableName]):
+class AgentTakenError(PermissionError):
+    """An agent was to be taken of which a handle is open."""
+
+
+class Agent(Generic[VariableName_contra, GraphT_co]):
     """The handle of one agent; what it writes carries its name.
 
     Attributes:
@@ -48,15 +56,15 @@ class Agent(Generic[VariableName]):
         self._handle = None if knowledge is None else knowledge.as_agent(name)
 
     @property
-    def graph(self) -> AgentHandle:
+    def graph(self) -> GraphT_co:
         """Return the handle by which the agent writes the knowledge graph.
 
         Raises:
             LookupError: if the spec says nothing of knowledge.
         """
         if self._handle is None:
-            raise LookupError("the spec says nothing of knowledge")
-        return self._handle
+            raise LookupError(f"the spec {NO_KNOWLEDGE}")
+        return cast("GraphT_co", self._handle)
 
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
         """Call back when what wakes the agent comes to hold in the knowledge graph; see `AgentHandle.on_wake`.
@@ -64,14 +72,15 @@ class Agent(Generic[VariableName]):
         Raises:
             LookupError: if the spec says nothing of knowledge.
         """
-        return self.graph.on_wake(callback)
+        handle = cast("AgentHandle", self.graph)
+        return handle.on_wake(callback)
 
     def close(self) -> None:
         """Write no more with this handle; where there is a knowledge graph, the agent can be taken again."""
         if self._handle is not None:
             self._handle.close()
 
-    def set(self, name: VariableName, value: object, *, evidence_s: float | None = None) -> None:
+    def set(self, name: VariableName_contra, value: object, *, evidence_s: float | None = None) -> None:
         """Write a variable of which this agent is a source; whether it is declared does not matter.
 
         Args:

@@ -12,7 +12,7 @@ from typing import Any, Generic, Self, TypeVar, cast
 
 from codra_dsl.collector import paused_collector
 from codra_dsl.logic import Term, Value, known
-from codra_dsl.runtime.agents import Agent, NotASourceError
+from codra_dsl.runtime.agents import NO_KNOWLEDGE, Agent, NotASourceError
 from codra_dsl.runtime.cell import FOREVER_S, Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.decisions import Demand
@@ -21,7 +21,7 @@ from codra_dsl.runtime.holding import Holding
 from codra_dsl.runtime.inputs import NotDeclaredError
 from codra_dsl.runtime.journal import Record
 from codra_dsl.runtime.journal.head import Head
-from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, nodes_of_variables
+from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, nodes_of_variables
 from codra_dsl.runtime.machinery import Machinery
 from codra_dsl.runtime.messages import Send, Session
 from codra_dsl.runtime.model import Algorithm, ContextModel, SkillModel, VariableModel
@@ -251,11 +251,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             raise unknown("variable", name, self._cells) from None
         self.inputs.write(name, content, MAIN, evidence_s)
 
-    def agent(self, name: str) -> Agent[VariableName]:
+    def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
         """Return the handle by which an outside writer writes the variables that name it as `source`.
 
         Where there is a knowledge graph, the agents are those of the graph, and nobody else gets a handle of the same
-        name while this one is open.
+        name while this one is open. The main execution is one of them if it is a source or asks for tasks.
 
         Raises:
             UnknownNameError: if no variable does, and the graph has no such agent.
@@ -276,7 +276,7 @@ class ContextManager(Generic[VariableName, SkillName]):
             LookupError: if the spec says nothing of knowledge.
         """
         if self._knowledge is None:
-            raise LookupError(f"the spec {self.model.name!r} says nothing of knowledge")
+            raise LookupError(f"the spec {self.model.name!r} {NO_KNOWLEDGE}")
         return self._knowledge
 
     def history(self, name: VariableName) -> tuple[Reading[Any], ...]:

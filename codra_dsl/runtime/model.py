@@ -63,7 +63,7 @@ class ValueType:
         """
         if (given is True or given is False) and self.kind == "bool":
             return given
-        plain = unboxed(given)
+        plain = given if given.__class__ in _PLAIN else unboxed(given)
         if isinstance(plain, bool) != (self.kind == "bool") or not isinstance(plain, _CLASSES[self.kind]):
             raise NotOfTypeError(f"{_shown(plain)} is no {self.kind}")
         converted = _text(plain) if isinstance(plain, str) else self._number(plain)
@@ -83,6 +83,10 @@ class ValueType:
             raise NotOfTypeError(f"{plain!r} lies outside [{self.range[0]:g}, {self.range[1]:g}]")
         if self.members and plain not in self.members:
             raise NotOfTypeError(f"{_shown(plain)} is none of {', '.join(self.members)}")
+
+
+_PLAIN = frozenset((bool, int, float, str))
+"""Nothing is in a box of these."""
 
 
 def unboxed(given: object) -> object:

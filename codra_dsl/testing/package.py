@@ -15,6 +15,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.diagnostics import suggest
 from codra_dsl.emit.records import model_digest
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
+from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.model import Algorithm, VariableModel
 from codra_dsl.runtime.outline import manifest_of
 
@@ -43,11 +44,13 @@ class Package:
     Attributes:
         build: makes its context manager.
         algorithms: that its observers run, by name.
+        knowledge: what the spec says of a graph, if it does.
     """
 
     model: ContextModel
     build: Callable[..., ContextManager[Any, Any]]
     algorithms: Mapping[str, Algorithm]
+    knowledge: KnowledgeModel | None = None
 
     @property
     def variables(self) -> Mapping[str, VariableModel]:
@@ -128,4 +131,5 @@ def _package(module: ModuleType) -> Package:
 
     handles = {resource.name: None for resource in model.resources if resource.slots is None}
     build(model, clock=SimClock(), resources=handles, find=note).close()
-    return Package(model=model, build=build, algorithms=algorithms)
+    knowledge: KnowledgeModel | None = getattr(module, "KNOWLEDGE", None)
+    return Package(model=model, build=build, algorithms=algorithms, knowledge=knowledge)

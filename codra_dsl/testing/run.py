@@ -163,6 +163,7 @@ class Run:
             seed=seed,
             record=self.record,
             find=self._script.function,
+            knowledge=self._package.knowledge,
         )
         speakers = Speakers(self.codra, clock, self._timeline.every_s)
         for moment in self._story.moments:

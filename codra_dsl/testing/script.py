@@ -173,6 +173,7 @@ class Speakers:
     def __init__(self, codra: ContextManager[Any, Any], clock: Clock, every_s: Mapping[str, float]) -> None:
         """Speak to a context manager; `every_s` tells how often each agent repeats itself."""
         self._codra = codra
+        self._types = {variable.name: variable.type for variable in codra.model.variables}
         self._clock = clock
         self._every_s = every_s
         self._said: dict[str, dict[str, Literal | None]] = {}
@@ -188,9 +189,9 @@ class Speakers:
             self._write(agent, saying.values)
 
     def _write(self, agent: str, values: Mapping[str, Literal | None]) -> None:
-        handle = self._codra.agent(agent)
+        """Write for an agent: a story speaks for it, whether or not the program holds its handle."""
         for name, value in values.items():
-            handle.set(name, value)
+            self._codra.inputs.write(name, self._types[name].convert(value), agent, None)
         if agent in self._every_s:
             then_s = self._clock.now_s() + self._every_s[agent]
             self._next[agent] = self._clock.call_at(then_s, lambda: self._write(agent, self._said[agent]))

@@ -7,11 +7,27 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Never, TypeVar, overload
 
-from codra_dsl.runtime import Clock, ContextManager, Reading, Record
+from codra_dsl.runtime import Agent, Clock, ContextManager, Reading, Record
 from codra_dsl.runtime.model import ContextModel
 
 from . import store
-from .knowledge import KNOWLEDGE, StoreKnowledge
+from .knowledge import (
+    KNOWLEDGE,
+    AdaptationHandle,
+    CameraAgentHandle,
+    ContainerDetectionHandle,
+    ForkHandle,
+    LasersHandle,
+    LocalisationHandle,
+    MissionHandle,
+    NavigationHandle,
+    PersonDetectionHandle,
+    PickerPageHandle,
+    PickingHandle,
+    StoreKnowledge,
+    TurningHandle,
+    WheelCheckHandle,
+)
 
 ContainerLoad = Literal["empty", "loading", "full"]
 GoalWay = Literal["forward", "backward"]
@@ -43,6 +59,48 @@ class Store(ContextManager[VariableName, SkillName]):
 
     if TYPE_CHECKING:
         knowledge: StoreKnowledge
+
+        @overload  # type: ignore[override]  # takes fewer names, on purpose
+        def agent(self, name: Literal["localisation"]) -> Agent[VariableName, LocalisationHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["camera_agent"]) -> Agent[VariableName, CameraAgentHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["lasers"]) -> Agent[VariableName, LasersHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["person_detection"]) -> Agent[VariableName, PersonDetectionHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["container_detection"]) -> Agent[VariableName, ContainerDetectionHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["wheel_check"]) -> Agent[VariableName, WheelCheckHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["navigation"]) -> Agent[VariableName, NavigationHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["turning"]) -> Agent[VariableName, TurningHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["fork"]) -> Agent[VariableName, ForkHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["picker_page"]) -> Agent[VariableName, PickerPageHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["mission"]) -> Agent[VariableName, MissionHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["picking"]) -> Agent[VariableName, PickingHandle]: ...
+
+        @overload
+        def agent(self, name: Literal["adaptation"]) -> Agent[VariableName, AdaptationHandle]: ...
+
+        def agent(self, name: Any) -> Any:
+            """Return the handle by which an agent writes."""
 
         @overload
         def get(self, name: FloatName) -> Reading[float]: ...

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal, Never, overload
 from codra_dsl.runtime import Reading
 from codra_dsl.runtime.conditions import Term
 from codra_dsl.runtime.geometry import Motion, Pose
-from codra_dsl.runtime.knowledge import AgentHandle, Edge, Handover, Knowledge, Node, Request, Snapshot, Transaction
+from codra_dsl.runtime.knowledge import (
+    Acting,
+    AgentHandle,
+    Edge,
+    Handover,
+    Knowledge,
+    Node,
+    Request,
+    Snapshot,
+    Transaction,
+)
 from codra_dsl.runtime.knowledge.declarations import (
     AgentModel,
     AttributeModel,
@@ -879,6 +889,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[LocalisationTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Never) -> Acting[LocalisationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _CameraAgentWrites:
         """What agent 'camera_agent' may write."""
 
@@ -917,6 +930,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[CameraAgentTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Never) -> Acting[CameraAgentTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _LasersWrites:
         """What agent 'lasers' may write."""
@@ -962,6 +978,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[LasersTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Never) -> Acting[LasersTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _PersonDetectionWrites:
         """What agent 'person_detection' may write."""
 
@@ -1003,6 +1022,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[PersonDetectionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Never) -> Acting[PersonDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _ContainerDetectionWrites:
         """What agent 'container_detection' may write."""
 
@@ -1042,6 +1064,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[ContainerDetectionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Literal["detecting"]) -> Acting[ContainerDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _WheelCheckWrites:
         """What agent 'wheel_check' may write."""
 
@@ -1080,6 +1105,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[WheelCheckTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Literal["checking"]) -> Acting[WheelCheckTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _NavigationWrites:
         """What agent 'navigation' may write."""
@@ -1125,6 +1153,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[NavigationTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Literal["navigating"]) -> Acting[NavigationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _TurningWrites:
         """What agent 'turning' may write."""
 
@@ -1161,6 +1192,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[TurningTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Literal["rotating"]) -> Acting[TurningTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _ForkWrites:
         """What agent 'fork' may write."""
@@ -1202,6 +1236,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[ForkTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Literal["lifting", "lowering"]) -> Acting[ForkTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _PickerPageWrites:
         """What agent 'picker_page' may write."""
@@ -1248,6 +1285,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[PickerPageTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Never) -> Acting[PickerPageTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _MissionWrites:
         """What agent 'mission' may write."""
@@ -1300,6 +1340,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[MissionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Never) -> Acting[MissionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _PickingWrites:
         """What agent 'picking' may write."""
 
@@ -1351,6 +1394,9 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[PickingTransaction]:
             """Begin changes that become visible together, or not at all."""
 
+        def acting(self, rule: Never) -> Acting[PickingTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
     class _AdaptationWrites:
         """What agent 'adaptation' may write."""
 
@@ -1389,6 +1435,9 @@ if TYPE_CHECKING:
 
         def transaction(self) -> AbstractContextManager[AdaptationTransaction]:
             """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Never) -> Acting[AdaptationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _Reads:
         """What there is to read."""

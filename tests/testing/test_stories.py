@@ -11,7 +11,7 @@ from codra_dsl.runtime import CallError, Kind, Record, SimClock, WallClock
 from codra_dsl.testing.run import StoryFailed
 from generated import kitchen
 from tests.kitchen_world import Kitchen
-from tests.testing.told import told
+from tests.testing.told import told, told_of
 
 READY = "{robot_is_localized: true, robot_place: counter, light_is_on: true}"
 FRIDGE = f"""\
@@ -221,6 +221,25 @@ def test_a_program_runs_in_a_story_and_is_judged_by_it() -> None:
 
     assert run.clock.now_s() == 9.0
     assert not run.codra.declared()
+
+
+def test_a_story_speaks_for_an_agent_whose_handle_the_program_holds() -> None:
+    text = """\
+codra: 1
+timeline: store
+agents: {navigation: {every: 20 s}}
+stories:
+  told:
+    1 s: {agents: {navigation: {battery_level: 40 percent}}}
+    70 s: {believes: {battery_level: 40 percent}}
+"""
+
+    with told_of(text) as run:
+        navigation = run.codra.agent("navigation")
+        navigation.set("battery_level", 90.0)
+        run.until(50.0)
+        assert run.codra.knowledge.get("battery", "battery_level").value == 40.0
+        navigation.graph.set("battery", "charging", True)
 
 
 def test_a_program_that_starts_the_observers_itself_is_given_the_start_of_the_story() -> None:

@@ -20,7 +20,12 @@ def findings(text: str) -> tuple[Diagnostic, ...]:
 
 def told(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
     """The only story of a timeline about the kitchen, whose head need not be written."""
-    timeline, package, found = read_timeline(PATH, {"tests/told.timeline.yaml": (HEAD + text).encode()})
+    return told_of(HEAD + text, resources, start_s)
+
+
+def told_of(text: str, resources: Mapping[str, object] | None = None, start_s: float = 0.0) -> Run:
+    """The only story of a timeline."""
+    timeline, package, found = read_timeline(PATH, {"tests/told.timeline.yaml": text.encode()})
     assert timeline is not None, found
     assert package is not None
     (story,) = timeline.stories

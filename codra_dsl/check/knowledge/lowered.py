@@ -9,7 +9,7 @@ from codra_dsl.check.knowledge.checked import CheckedAgent, CheckedKnowledge, Ch
 from codra_dsl.check.knowledge.ends import starting_value
 from codra_dsl.check.knowledge.owners import owns, reads
 from codra_dsl.check.knowledge.world import World
-from codra_dsl.check.scope import Scope
+from codra_dsl.check.scope import OBSERVER, Scope
 from codra_dsl.expression import Path, reads_of
 from codra_dsl.model import Agent, AgentRule, Condition, Literal
 
@@ -90,10 +90,9 @@ def _called(function: str, *arguments: str) -> ast.Call:
 
 
 def _writers(world: World) -> Iterator[str]:
-    """Yield the names of all that may write more of the graph than context-variables."""
+    """Yield the names of all that may write something of the graph; observers are none that anybody could be."""
     for thing in world.things():
-        if thing.section != "context":
-            yield from (writer.name for writer in world.writers(thing))
+        yield from (writer.name for writer in world.writers(thing) if writer.name != OBSERVER)
     for task in world.tasks.values():
         yield from (task.by.name, *(each.name for each in task.requesters))
 

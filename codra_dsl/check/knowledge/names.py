@@ -47,11 +47,11 @@ def unknown_types(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """Every type that a pattern names is declared or has a node; what nodes name is a type, if it is no slip."""
     if not scope.spec.knows:
         return
-    declared = [*scope.world.types, *(TASK_TYPE,)]
+    declared = list(scope.world.types)  # that of tasks is none that a node could have been meant to be of
     told = set()
     for node in scope.spec.nodes:
         name = node.type.name
-        near = None if name in declared or scope.declares("types", name) else suggest(name, declared)
+        near = None if name in (*declared, TASK_TYPE) or scope.declares("types", name) else suggest(name, declared)
         if near is not None and is_slip(name, near) and scope.readable("nodes", node.name, "type"):
             told.add(name)
             mentioned = (mention_of(node.type, "nodes", node.name, "type"),)

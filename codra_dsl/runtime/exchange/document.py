@@ -86,12 +86,27 @@ class DsrEdge:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DsrGraph:
-    """A graph; `extra` is what else the file says at its top, `model_extra` beside the symbols."""
+    """A graph; `extra` is what else the file says at its top, `model_extra` beside the symbols.
+
+    Nodes and edges have an order, in which they were told, that means nothing: graphs that differ in it are equal.
+    """
 
     nodes: tuple[DsrNode, ...] = ()
     edges: tuple[DsrEdge, ...] = ()
     extra: Mapping[str, object] = field(default_factory=dict)
     model_extra: Mapping[str, object] = field(default_factory=dict)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, DsrGraph):
+            return NotImplemented
+        extras = (self.extra, self.model_extra) == (other.extra, other.model_extra)
+        return extras and self._ordered() == other._ordered()
+
+    __hash__ = None  # type: ignore[assignment]  # what it holds has none
+
+    def _ordered(self) -> tuple[list[DsrNode], list[DsrEdge]]:
+        edges = sorted(self.edges, key=lambda edge: (edge.origin, edge.target, edge.label))
+        return sorted(self.nodes, key=lambda node: node.number), edges
 
     def node(self, name: str) -> DsrNode:
         """Return a node by its name.

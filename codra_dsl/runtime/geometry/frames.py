@@ -200,6 +200,8 @@ class Frames:
         """Return a frame, its parent at an instant, and so on to the root, each with where it stands."""
         found: dict[str, Standing | None] = {}
         above: str | None = name
+        if name is None:
+            raise FrameError("there is no frame None")
         while above is not None:
             if above in found:  # of a past whose end is not kept any more: each frame's oldest pose holds before it
                 raise FrameError(f"what {name!r} stood in at {instant_s:g} s is not kept any more")

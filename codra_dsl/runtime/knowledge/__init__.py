@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from codra_dsl.runtime.agents import AgentTakenError
 from codra_dsl.runtime.knowledge.acting import Acting, Became, RuleError
 from codra_dsl.runtime.knowledge.declarations import KnowledgeModel
 from codra_dsl.runtime.knowledge.draft import AbsentError, PresentError
 from codra_dsl.runtime.knowledge.elements import Edge, Node
 from codra_dsl.runtime.knowledge.handshake import ConflictError
-from codra_dsl.runtime.knowledge.knowledge import AgentTakenError, Knowledge
+from codra_dsl.runtime.knowledge.knowledge import Knowledge
 from codra_dsl.runtime.knowledge.matching import Match
 from codra_dsl.runtime.knowledge.rights import OutrankedError, Refusal
 from codra_dsl.runtime.knowledge.sharing import Sharing

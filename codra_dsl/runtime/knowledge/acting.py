@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from enum import StrEnum
-from typing import Self
+from typing import Generic, Self, TypeVar
 
+from codra_dsl.logic import Term
 from codra_dsl.runtime.knowledge.declarations import Pattern, RuleModel
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.watching import Change
 from codra_dsl.runtime.subscriptions import Subscription
+from codra_dsl.runtime.term_text import spoken
+
+TransactionT_co = TypeVar("TransactionT_co", covariant=True)
 
 
 class RuleError(PermissionError):
@@ -26,7 +31,7 @@ class Became(StrEnum):
     UNFULFILLED = "unfulfilled"
 
 
-class Acting:
+class Acting(Generic[TransactionT_co]):
     """A rule of an agent under way, from the beginning to the end of a `with` statement.
 
     What must hold before is enforced: the action does not begin without it. What must hold during and after is
@@ -42,8 +47,9 @@ class Acting:
         rule: RuleModel,
         *,
         begin: Callable[[Callable[[Snapshot], str]], None],
+        transact: Callable[[Callable[[], None]], AbstractContextManager[TransactionT_co]],
         take: Callable[[], Snapshot],
-        tell: Callable[[Became, str], None],
+        tell: Callable[[str, str], None],
         subscribe: Callable[..., Subscription],
     ) -> None:
         """Be ready to begin.
@@ -51,6 +57,7 @@ class Acting:
         Args:
             rule: as it is declared.
             begin: is told how to find what is lacking; it raises `RuleError` if something is.
+            transact: begins a transaction, and is told what must raise nothing as its changes become visible.
             take: takes a snapshot of the present.
             tell: tells the record what became of the rule.
             subscribe: subscribes to patterns.
@@ -58,6 +65,7 @@ class Acting:
         self.rule = rule
         self.became: Became | None = None
         self._begin = begin
+        self._transact = transact
         self._take = take
         self._tell_record = tell
         self._subscribe = subscribe
@@ -69,7 +77,7 @@ class Acting:
     def __enter__(self) -> Self:
         if self.became is not None:
             raise RuntimeError("what has begun once is not begun again: call acting() anew")
-        self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
+        self._check_before()
         self._tell(Became.BEGUN, "")
         if self.rule.during:
             self._subscription = self._subscribe(self._look, *self.rule.during)
@@ -83,10 +91,23 @@ class Acting:
         missing = lacking(self._take(), self.rule.after)
         self._tell(Became.UNFULFILLED if missing else Became.FULFILLED, missing)
 
+    def transaction(self) -> AbstractContextManager[TransactionT_co]:
+        """Begin changes that become visible together, and only if what must hold before still does at that instant.
+
+        So nobody can come between the check and the first change.
+
+        Raises:
+            RuleError: at the end of the `with` statement, if it does not; then nothing becomes visible.
+        """
+        return self._transact(self._check_before)
+
     @property
     def may_go_on(self) -> bool:
         """Return whether what must hold during the action has not ceased to hold before what it is to bring about."""
         return self.became is not Became.BROKEN
+
+    def _check_before(self) -> None:
+        self._begin(lambda snapshot: lacking(snapshot, self.rule.before))
 
     def _look(self, change: Change) -> None:
         """Notice that what must hold during the action does not any more, once it did."""
@@ -101,7 +122,7 @@ class Acting:
 
     def _tell(self, became: Became, message: str) -> None:
         self.became = became
-        self._tell_record(became, message)
+        self._tell_record(str(became), message)
 
 
 def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
@@ -113,4 +134,5 @@ def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
 
 
 def _text(pattern: Pattern) -> str:
-    return str(pattern)
+    """Return a pattern as a spec would say it, numbers in SI units."""
+    return spoken(str(pattern)) if isinstance(pattern, Term) else str(pattern)

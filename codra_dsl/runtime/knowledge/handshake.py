@@ -48,7 +48,7 @@ def request(words: Words, draft: Draft, task: str, values: Mapping[str, object])
 
 def acknowledge(words: Words, draft: Draft, asked: Request) -> None:
     """Say, as the executor, that the task has begun."""
-    model = _model(words, asked.task)
+    model = _model_of(words, asked)
     Rights(by(model.by)).check(draft.agent, f"the acknowledgement of {asked.task}")
     before = _at(words, draft, asked, Stage.WANTS)
     after = before._replace(stage=Stage.IS, since_s=draft.now_s, deadline_s=draft.now_s + model.finish_s)
@@ -57,7 +57,7 @@ def acknowledge(words: Words, draft: Draft, asked: Request) -> None:
 
 def finish(words: Words, draft: Draft, asked: Request, result: str) -> None:
     """End the task, as the executor, with one of its results."""
-    model = _model(words, asked.task)
+    model = _model_of(words, asked)
     Rights(by(model.by)).check(draft.agent, f"the result of {asked.task}")
     if result not in model.results:
         raise unknown(f"result of {asked.task!r}", result, model.results)
@@ -68,7 +68,7 @@ def finish(words: Words, draft: Draft, asked: Request, result: str) -> None:
 
 def abort(words: Words, draft: Draft, asked: Request) -> None:
     """End the task, as who asked for it, before it has finished."""
-    model = _model(words, asked.task)
+    model = _model_of(words, asked)
     Rights(by(*model.requesters)).check(draft.agent, f"the abortion of {asked.task}")
     before = _at(words, draft, asked, Stage.WANTS, Stage.IS)
     Rights(by(before.requester)).check(draft.agent, f"the abortion of request {asked.number} of {asked.task}")
@@ -84,6 +84,12 @@ def _model(words: Words, task: str) -> TaskModel:
     if task not in words.tasks:
         raise unknown("task", task, words.tasks)
     return words.tasks[task]
+
+
+def _model_of(words: Words, asked: Request) -> TaskModel:
+    if not isinstance(asked, Request):
+        raise TypeError(f"what names a request is what request() returned, or the request of a handover, not {asked!r}")
+    return _model(words, asked.task)
 
 
 def _now(words: Words, draft: Draft, model: TaskModel) -> Handover:

@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from codra_dsl.logic import Value
+from codra_dsl.runtime.agents import AgentTakenError
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Transform
@@ -40,10 +41,6 @@ SeenT = TypeVar("SeenT")
 
 MOST_PAST = 4_096
 """Changes of the graph that `at` can go back."""
-
-
-class AgentTakenError(PermissionError):
-    """An agent was to be taken of which a handle is open."""
 
 
 class Knowledge:
@@ -72,7 +69,7 @@ class Knowledge:
         self._sharing = sharing
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
         self._steps: Clock = clock if sharing is None else sharing.steps
-        self._turn: AbstractContextManager[object] = threading.Lock() if sharing is None else sharing.steps
+        self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
         self._state = State()
         self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
         self._held: list[Reading[Value]] = []
@@ -212,27 +209,36 @@ class Knowledge:
     # Within
 
     def _handle(self, name: str) -> AgentHandle:
-        closed = threading.Event()
+        is_closed = False
+        wakes: list[Subscription] = []
 
         def check() -> None:
-            if closed.is_set():
+            if is_closed:
                 raise PermissionError(f"this handle of the agent {name!r} is closed")
 
         def commit(operation: Operation) -> Any:
             check()
             return self._write(name, partial(operation.apply, self._words), (operation,))
 
+        def wake(callback: Callable[[Change], object]) -> Subscription:
+            check()
+            wakes.append(self._on_wake(name, callback))
+            return wakes[-1]
+
         def close() -> None:
-            if not closed.is_set():
-                closed.set()
-                with self._handles_lock:
+            nonlocal is_closed
+            with self._handles_lock:
+                if not is_closed:
+                    is_closed = True
                     self._handles.pop(name, None)
+            for subscription in wakes:
+                subscription.unsubscribe()
 
         means = Means(
             commit=commit,
-            transact=lambda: self._transaction(name, check),
-            wake=partial(self._on_wake, name),
-            act=partial(self._acting, name),
+            transact=lambda: self._transaction(name, check, _nothing),
+            wake=wake,
+            act=partial(self._acting, name, check),
             close=close,
             check_open=check,
         )
@@ -242,13 +248,14 @@ class Knowledge:
         wakes = tuple(pattern for each in self.model.agents if each.name == agent for pattern in each.wakes)
         return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback))
 
-    def _acting(self, agent: str, name: str) -> Acting:
+    def _acting(self, agent: str, check: Callable[[], None], name: str) -> Acting[Transaction]:
         rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
         return Acting(
             rules[name],
             begin=partial(self._begin_rule, agent, name),
+            transact=partial(self._transaction, agent, check),
             take=self.snapshot,
             tell=partial(self.tell_rule, agent, name),
             subscribe=self.subscribe,
@@ -270,13 +277,18 @@ class Knowledge:
                 self._sharing.tell_rule(agent, name, became, message)
 
     @contextmanager
-    def _transaction(self, name: str, check: Callable[[], None]) -> Iterator[Transaction]:
+    def _transaction(self, name: str, check: Callable[[], None], allow: Callable[[], None]) -> Iterator[Transaction]:
+        check()
         base = self._state
         draft = Draft(self._words, base, self._now_s(), name)
 
         def attempt(operation: Operation) -> Any:
             with self._turn:  # histories grow in one thread at a time
-                return self._audited(draft, partial(operation.apply, self._words))
+                try:
+                    return operation.apply(self._words, draft)
+                except PermissionError as error:
+                    self._refuse(name, self._refused(operation, str(error)))
+                    raise
 
         transaction = Transaction(attempt)
         try:
@@ -286,7 +298,9 @@ class Knowledge:
         transaction.check()
         if draft.touched:
             check()
-            self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
+            with self._turn:  # so that what `allow` finds is still so
+                allow()
+                self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
 
     def _take(self, base: State, draft: Draft, transaction: Transaction, present: Draft) -> None:
         """Take over what a transaction has made of the graph; make it again if that is not the present graph.
@@ -303,7 +317,11 @@ class Knowledge:
         sharing = self._sharing
         with self._turn:
             draft = Draft(self._words, self._state, self._steps.now_s(), agent, None if sharing is None else [])
-            result = self._audited(draft, change)
+            try:
+                result = change(draft)
+            except PermissionError as error:
+                self._refuse(agent, self._refused(draft.operation, str(error)))
+                raise
             if draft.touched:
                 if sharing is None:
                     self._hold(draft.state())
@@ -330,13 +348,6 @@ class Knowledge:
         self._state = state
         self._past.append((self._steps.now_s(), state))
 
-    def _audited(self, draft: Draft, change: Callable[[Draft], ResultT]) -> ResultT:
-        try:
-            return change(draft)
-        except PermissionError as error:
-            self._refuse(draft.agent, self._refused(draft.operation, str(error)))
-            raise
-
     def _refused(self, operation: Operation, why: str) -> Refused:
         if self._sharing is None:
             return Refused(operation.subject, why)
@@ -362,6 +373,10 @@ class Knowledge:
         self._watches.add(watch, keys)
         watch.changed()
         return watch.subscription
+
+
+def _nothing() -> None:
+    pass
 
 
 def _begin(model: KnowledgeModel, draft: Draft) -> None:

@@ -47,7 +47,13 @@ def matches(snapshot: Snapshot, words: Words, patterns: Sequence[Pattern]) -> tu
     """Return all ways in which patterns hold together.
 
     Paths find nodes and edges, in the order in which they are given; absences and conditions then judge what was found.
+
+    Raises:
+        TypeError: if one of them is no pattern.
     """
+    wrong = [each for each in patterns if not isinstance(each, Pattern)]
+    if wrong:
+        raise TypeError(f"a pattern is a path, an absence or a condition, not {wrong[0]!r}")
     judges = [each for each in patterns if not isinstance(each, Path)]
     return tuple(
         dict.fromkeys(
@@ -106,9 +112,8 @@ def _along(snapshot: Snapshot, words: Words, path: Path, found: _Found) -> Itera
     to_start = [(at, at - 1, _turned(path.links[at - 1])) for at in range(start, 0, -1)]
     for name in _candidates(snapshot, words, places[start], called):
         begun = {**called, places[start].called: name} if places[start].called else called
-        for standing, more, taken in _steps(snapshot, words, places, [*to_end, *to_start], {start: name}, begun):
-            ordered = tuple(taken[at] for at in range(len(standing) - 1))
-            yield more, (*edges, *ordered)
+        for more, taken in _steps(snapshot, words, places, [*to_end, *to_start], name, begun):
+            yield more, (*edges, *(taken[at] for at in range(len(path.links))))
 
 
 _Steps = Sequence[tuple[int, int, Link]]
@@ -116,24 +121,37 @@ _Standing = dict[int, str]
 _Taken = dict[int, EdgeKey]
 
 
-def _steps(  # noqa: PLR0917 - it is one recursion
+def _steps(  # noqa: PLR0917 - what the two ends of a path share
     snapshot: Snapshot,
     words: Words,
     places: Sequence[Place],
     steps: _Steps,
-    standing: _Standing,
+    name: str,
     called: Mapping[str, str],
-) -> Iterator[tuple[_Standing, Mapping[str, str], _Taken]]:
+) -> Iterator[tuple[Mapping[str, str], _Taken]]:
+    """Yield all ways to take some steps from a node, depth first; a path may be longer than Python can call itself."""
+    standing: _Standing = {steps[0][0]: name} if steps else {}
+    taken: _Taken = {}
+    begun = [called]
+    ways = [_neighbours(snapshot, words, name, steps[0][2])] if steps else []
     if not steps:
-        yield standing, called, {}
-        return
-    (here, there, link), *rest = steps
-    for edge, name in _neighbours(snapshot, words, standing[here], link):
-        if not _fits(snapshot, places[there], name, called):
-            continue
-        more = {**called, places[there].called: name} if places[there].called else called
-        for done, called_now, taken in _steps(snapshot, words, places, rest, {**standing, there: name}, more):
-            yield done, called_now, {**taken, min(here, there): edge.key}
+        yield called, taken
+    while ways:
+        at = len(ways) - 1
+        here, there, _ = steps[at]
+        edge, found = next(ways[at], (None, ""))
+        if edge is None:
+            ways.pop()
+            begun.pop()
+        elif _fits(snapshot, places[there], found, begun[at]):
+            more = {**begun[at], places[there].called: found} if places[there].called else begun[at]
+            standing[there], taken[min(here, there)] = found, edge.key
+            if len(ways) == len(steps):
+                yield more, taken
+                continue
+            begun.append(more)
+            then, _, link = steps[at + 1]
+            ways.append(_neighbours(snapshot, words, standing[then], link))
 
 
 def _candidates(snapshot: Snapshot, words: Words, place: Place, called: Mapping[str, str]) -> Iterable[str]:

@@ -42,7 +42,9 @@ class Operation(NamedTuple):
     def apply(self, words: Words, draft: Draft) -> Any:
         """Do it in a draft; return what the agent is told."""
         draft.operation = self
-        return _DOING[self.verb](words, draft, *self.given)
+        verb, given = self
+        do = _DRAWING.get(verb)
+        return _HANDING_OVER[verb](words, draft, *given) if do is None else do(draft, *given)
 
     @property
     def subject(self) -> str:
@@ -99,14 +101,16 @@ def _plain(given: Any) -> Any:
     return list(given) if isinstance(given, tuple) else unboxed(given)
 
 
-_DOING: Mapping[Verb, Callable[..., Any]] = {
-    Verb.INSERT_NODE: lambda _, draft, *given: draft.insert_node(*given),
-    Verb.DELETE_NODE: lambda _, draft, *given: draft.delete_node(*given),
-    Verb.SET: lambda _, draft, *given: draft.set(*given),
-    Verb.INSERT_EDGE: lambda _, draft, *given: draft.insert_edge(*given),
-    Verb.DELETE_EDGE: lambda _, draft, *given: draft.delete_edge(*given),
-    Verb.SET_OF_EDGE: lambda _, draft, *given: draft.set_of_edge(*given),
-    Verb.PLACE: lambda _, draft, *given: draft.place(*given),
+_DRAWING: Mapping[Verb, Callable[..., Any]] = {
+    Verb.INSERT_NODE: Draft.insert_node,
+    Verb.DELETE_NODE: Draft.delete_node,
+    Verb.SET: Draft.set,
+    Verb.INSERT_EDGE: Draft.insert_edge,
+    Verb.DELETE_EDGE: Draft.delete_edge,
+    Verb.SET_OF_EDGE: Draft.set_of_edge,
+    Verb.PLACE: Draft.place,
+}
+_HANDING_OVER: Mapping[Verb, Callable[..., Any]] = {
     Verb.REQUEST: handshake.request,
     Verb.ACKNOWLEDGE: handshake.acknowledge,
     Verb.FINISH: handshake.finish,

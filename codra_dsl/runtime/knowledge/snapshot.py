@@ -64,16 +64,27 @@ class Snapshot:
             where: a condition over their attributes by their own names, which must certainly hold.
 
         Raises:
-            UnknownNameError: if there is no such type.
+            UnknownNameError: if there is no such type, or nodes of it have no such attribute.
         """
         found: Iterable[Node] = self._state.nodes.values()
         if type_name:
             self._words.node_type(type_name)
             nodes = self._state.nodes
             found = [nodes[name] for name in self._state.of_type.get(type_name) or ()]
+        if where is not None and not isinstance(where, Term):
+            raise TypeError(f"where is a condition over attributes, not {where!r}")
         if where is not None:
+            found = list(found)
+            self._check_attributes(type_name, found, where)
             found = [node for node in found if where.holds(_Attributes(node, self.instant_s))]
         return tuple(sorted(found, key=_number))
+
+    def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
+        """Refuse a condition over an attribute that no node of a type can have, apart from some nodes by their name."""
+        own = self._words.node_type(type_name).attributes if type_name else {}
+        for name in where.variables():
+            if type_name and name not in own and not any(name in self._words.of_node(node) for node in nodes):
+                raise unknown(f"attribute of {type_name!r}", name, own)
 
     def edge(self, origin: str, edge: str, target: str) -> Edge:
         """Return an edge.

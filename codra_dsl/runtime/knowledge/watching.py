@@ -160,6 +160,7 @@ def of_matches(
     words: Words, patterns: Sequence[Pattern], callback: Callable[[Change], object]
 ) -> tuple[Callable[[Snapshot], Sight[tuple[Match, ...]]], Callable[[Snapshot, tuple[Match, ...]], None]]:
     """Return how a watch of patterns looks and tells."""
+    _check_callback(callback)
 
     def look(snapshot: Snapshot) -> Sight[tuple[Match, ...]]:
         return Sight(snapshot.match(*patterns), next_s(snapshot, words, patterns))
@@ -185,6 +186,7 @@ def of_wakes(
     An edge that was deleted and drawn again is another edge, so a task that is asked for once more wakes once more.
     An agent that nothing wakes is called once, and is active from then on.
     """
+    _check_callback(callback)
 
     def look(snapshot: Snapshot) -> Sight[_Woken]:
         seen = tuple(
@@ -216,6 +218,7 @@ def of_attribute(
     name: str, attribute: str, callback: Callable[[Reading[Any]], object]
 ) -> tuple[Callable[[Snapshot], Sight[Reading[Any] | None]], Callable[[Snapshot, Reading[Any] | None], None]]:
     """Return how a watch of one attribute looks and tells; of a node that is not there it tells nothing."""
+    _check_callback(callback)
 
     def look(snapshot: Snapshot) -> Sight[Reading[Any] | None]:
         if name not in snapshot:
@@ -228,3 +231,8 @@ def of_attribute(
             callback(reading)
 
     return look, tell
+
+
+def _check_callback(callback: object) -> None:
+    if not callable(callback):
+        raise TypeError(f"what is called back is a function, not {callback!r}")

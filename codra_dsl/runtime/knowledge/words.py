@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from codra_dsl.runtime.declarations import MAIN, OBSERVER
+from codra_dsl.runtime.declarations import OBSERVER
 from codra_dsl.runtime.knowledge.declarations import (
     CONTEXT,
     RT,
@@ -80,7 +80,7 @@ class Words:
     Attributes:
         model: what is declared, with the node of the context-variables that say no other.
         tasks: by name.
-        agents: the names of all that are declared or that may write something.
+        agents: the names of all that are declared or that may write something; the main execution is one where it may.
         variables: by name, the node of which a context-variable is an attribute.
         nodes_of_context: these nodes.
     """
@@ -116,7 +116,7 @@ class Words:
             **of_tasks,
         }
         writers = (source for variable in variables for source in variable.sources)
-        self.agents = frozenset((*_agents(model), *writers)) - {MAIN, OBSERVER}
+        self.agents = frozenset((*_agents(model), *writers)) - {OBSERVER}
 
     def node_type(self, name: str) -> NodeType:
         """Return a type of nodes; raise `UnknownNameError` if there is none."""

@@ -206,7 +206,7 @@ class Means:
     commit: Apply
     transact: Callable[[], AbstractContextManager[Transaction]]
     wake: Callable[[Callable[[Change], object]], Subscription]
-    act: Callable[[str], Acting]
+    act: Callable[[str], Acting[Transaction]]
     close: Callable[[], None]
     check_open: Callable[[], None]
 
@@ -238,7 +238,7 @@ class AgentHandle(Writer):
         self.close()
 
     def close(self) -> None:
-        """Write no more with this handle; the agent can be taken again."""
+        """Write no more with this handle, and be woken no more; the agent can be taken again."""
         self._means.close()
 
     def check_open(self) -> None:
@@ -262,7 +262,7 @@ class AgentHandle(Writer):
         """
         return self._means.wake(callback)
 
-    def acting(self, rule: str) -> Acting:
+    def acting(self, rule: str) -> Acting[Transaction]:
         """Begin, by a `with` statement, an action of which a rule of this agent tells.
 
         Raises:

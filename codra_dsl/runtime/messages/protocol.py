@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from codra_dsl.runtime.agents import NotASourceError
+from codra_dsl.runtime.agents import AgentTakenError, NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.inputs import NotDeclaredError
 from codra_dsl.runtime.model import NotOfTypeError
@@ -121,6 +121,7 @@ ERRORS: Mapping[str, type[Exception]] = {
     "unknown_name": UnknownNameError,
     "not_declared": NotDeclaredError,
     "not_a_source": NotASourceError,
+    "agent_taken": AgentTakenError,
     "not_of_type": NotOfTypeError,
     "not_allowed": ValueError,
     "closed": RuntimeError,

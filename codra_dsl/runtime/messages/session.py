@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.declarations import MAIN
@@ -74,6 +75,7 @@ class Session:
         self._waiting: dict[int, _Wait] = {}
         self._subscriptions: dict[int, Subscription] = {}
         self._subscribed = 0
+        self._agents: dict[str, Agent[Any, Any]] = {}
         self._lease = Timer(math.inf, _nothing)
         self._watch()
 
@@ -110,7 +112,9 @@ class Session:
                 wait.end()
             for question in (*(wait.question for wait in self._waiting.values()), *self._looking.values()):
                 question.abandon(LeaseError.__name__)
-            for memory in (self._subscriptions, self._waiting, self._looking):
+            for agent in self._agents.values():
+                agent.close()
+            for memory in (self._subscriptions, self._waiting, self._looking, self._agents):
                 memory.clear()
 
     # Requests, each by its name in `REQUESTS`
@@ -176,7 +180,7 @@ class Session:
         return {"reading": plain_reading(self._codra.get(variable))}
 
     def _set(self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None) -> Plain:
-        writer = self._codra if agent is None else self._codra.agent(agent)
+        writer = self._codra if agent is None else self._agent(agent)
         writer.set(variable, value, evidence_s=evidence_s)
         return {}
 
@@ -264,6 +268,12 @@ class Session:
     def _check_alive(self) -> None:
         if self._over:
             raise LeaseError(f"the session is over: {self._over}; say hello on a new one")
+
+    def _agent(self, name: str) -> Agent[Any, Any]:
+        """Return the handle of an agent, which the session then has until it is over."""
+        if name not in self._agents:
+            self._agents[name] = self._codra.agent(name)
+        return self._agents[name]
 
     def _variable(self, name: str) -> VariableModel:
         if name not in self._variables:

@@ -24,7 +24,7 @@ _DOING = {
 _STEPS = {"wants": "asked for", "is": "begun", "finished": "finished", "aborted": "aborted"}
 
 _Past = Mapping[str, Event]
-"""The last event of each kind that became of one thing."""
+"""The last event of each kind that became of one thing, the latest last."""
 
 
 def explain_knowledge(outline: Outline, ledger: Ledger, name: str, at_s: float) -> Why:
@@ -58,23 +58,23 @@ def _named(ledger: Ledger, name: str) -> str:
 
 
 def _reading(name: str, past: _Past, ledger: Ledger, at_s: float) -> Reading[Value]:
-    """Return what is known of a thing; of a node or an edge, whether it is there."""
-    stages = [past[stage] for stage in _STAGES if stage in past]
+    """Return what is known of a thing; of a node or an edge, whether it is there; of a task or a rule, how far."""
+    stages = [event for event in past.values() if event.what in (*_STAGES, *_RULES)]
     if "written" in past:
         return _of_attribute(name, past["written"], ledger, at_s)
     if stages:
-        return _known(name, max(stages, key=_order).what, max(stages, key=_order))
+        return _known(name, stages[-1].what, stages[-1])
     found = [event for what, event in past.items() if what in (*_DOING, "placed")]
     if not found:  # all that became of it was refused
         return Reading(name=name, reason=Reason.NEVER_OBSERVED)
-    last = max(found, key=_order)
-    return _known(name, not last.what.endswith("deleted"), last)
+    return _known(name, not found[-1].what.endswith("deleted"), found[-1])
 
 
 def _of_attribute(name: str, event: Event, ledger: Ledger, at_s: float) -> Reading[Value]:
-    gone = ledger.knowledge.get(name.rpartition(".")[0], {}).get("node_deleted")
-    if gone is not None and _order(gone) >= _order(event):
-        return Reading(name=name, reason=Reason.FORGOTTEN, detail="its node was deleted", evidence_s=gone.instant_s)
+    gone = _gone(ledger.knowledge.get(name.rpartition(".")[0], {}), event)
+    if gone is not None:
+        detail = f"its {gone.what.partition('_')[0]} was deleted"
+        return Reading(name=name, reason=Reason.FORGOTTEN, detail=detail, evidence_s=gone.instant_s)
     details = event.details
     reason = details.get("reason")
     if reason is not None:
@@ -89,6 +89,16 @@ def _of_attribute(name: str, event: Event, ledger: Ledger, at_s: float) -> Readi
         source=str(details["agent"]),
     )
     return found.at(at_s)
+
+
+def _gone(past: _Past, written: Event) -> Event | None:
+    """Return what deleted the node or edge of an attribute after it was written, or in the same change for good."""
+    there = [event for event in past.values() if event.what in _DOING]
+    gone = next((event for event in there if event.what.endswith("deleted")), None)
+    if gone is None:
+        return None
+    is_for_good = gone is there[-1] and _order(gone) == _order(written)
+    return gone if is_for_good or _order(gone) > _order(written) else None
 
 
 def _known(name: str, content: Value, event: Event) -> Reading[Value]:

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as some
 from scipy.spatial.transform import Rotation
 
-from codra_dsl.runtime import SimClock
+from codra_dsl.bridges.networkx import from_networkx, to_networkx
+from codra_dsl.runtime import ContextManager, Journal, SimClock
 from codra_dsl.runtime.exchange import (
     DsrEdge,
     DsrGraph,
@@ -26,6 +27,7 @@ from codra_dsl.runtime.exchange import (
     dsr_text,
     parse_dsr,
     read_dsr,
+    write_dsr,
 )
 from codra_dsl.runtime.geometry import Motion, Pose
 from codra_dsl.runtime.knowledge import Knowledge
@@ -37,7 +39,10 @@ from codra_dsl.runtime.knowledge.declarations import (
     by,
 )
 from codra_dsl.runtime.model import integer, real
+from codra_dsl.runtime.replay import replay
 from tests.runtime.exchange.test_dsr_json import graphs, parts
+from tests.runtime.journals import read as read_journal
+from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL, manager
 from tests.runtime.knowledge.store import STORE
 
 EVERY_TYPE = Path(__file__).parents[2] / "data/dsr_every_type.json"
@@ -300,3 +305,29 @@ def test_euler_angles_are_those_of_robocomp_and_give_the_same_turn_back(turned: 
     told = next(each for each in dsr_of(knowledge).edges if each.label == "RT")
     back = Rotation.from_euler("XYZ", numbers(told.attributes["rt_rotation_euler_xyz"])).as_matrix()
     np.testing.assert_allclose(back, expected, atol=1e-9)
+
+
+def test_a_graph_of_many_nodes_is_read_as_it_was_told_and_a_context_manager_begins_with_it(tmp_path: Path) -> None:
+    with manager(SimClock()) as codra:
+        codra.agent("navigation").set("charge", 55.5)
+        detection = codra.agent("container_detection").graph
+        for number in range(12):
+            detection.insert_node(f"box_{number}", "roll_container")
+            detection.place("world", "container_pose", f"box_{number}", Pose.of((number, 0.0, 0.0)))
+        told = dsr_of(codra.knowledge)
+    write_dsr(tmp_path / "shop.json", told)
+    read = read_dsr(tmp_path / "shop.json")
+    assert read == told
+    assert from_networkx(to_networkx(told)) == told
+    assert read != replace(told, nodes=told.nodes[1:])
+
+    start = begun_with(KNOWLEDGE, read)
+    journal = tmp_path / "run.mcap"
+    with ContextManager[str, str](
+        MODEL, clock=SimClock(), resources={}, record=Journal(journal), knowledge=start.model
+    ) as codra:
+        assert codra.get("charge").value == 55.5
+        assert codra.knowledge.snapshot().distance_m("world", "box_11") == 11.0
+        codra.agent("navigation").set("charge", 50.0)
+    head, events = read_journal(journal)
+    assert replay(head, events, MODEL, ContextManager[str, str], None, start.model).difference is None

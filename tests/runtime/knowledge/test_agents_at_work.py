@@ -11,7 +11,7 @@ import pytest
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import Became, Change, RuleError
+from codra_dsl.runtime.knowledge import Became, Change, RuleError, Stage
 from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
 from codra_dsl.runtime.replay import replay
 from tests.runtime.journals import read
@@ -80,6 +80,22 @@ def test_an_agent_that_nothing_wakes_is_called_once_and_is_active_from_then_on()
     assert len(told) == 1
 
 
+def test_an_agent_whose_handle_is_closed_is_woken_no_more_and_begins_nothing() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        detection, picking = codra.agent("container_detection"), codra.agent("picking").graph
+        detection.on_wake(lambda _: told.append("the first"))
+        detection.close()
+        again = codra.agent("container_detection")
+        again.on_wake(lambda _: told.append("the next"))
+        picking.request("detecting")
+        clock.sleep(1.0)
+        assert told == ["the next"]
+        for begin in (lambda: detection.on_wake(print), lambda: detection.graph.transaction().__enter__()):
+            with pytest.raises(PermissionError, match="is closed"):
+                begin()
+
+
 def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
     clock = SimClock()
     with store(clock, Journal(tmp_path / "run.mcap")) as codra:
@@ -118,6 +134,35 @@ def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -
         assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["container_detection"] * 2
         events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in events] == ["refused", "refused"]
+
+
+def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_action(tmp_path: Path) -> None:
+    with store(SimClock(), Journal(tmp_path / "run.mcap")) as codra:
+        detection, people = codra.agent("container_detection").graph, codra.agent("person_detection").graph
+        people.insert_node("him", "person")
+        request = codra.agent("picking").graph.request("detecting")
+        with detection.acting("detect") as acting:
+
+            def begin_as_somebody_comes() -> None:
+                with acting.transaction() as first:
+                    first.acknowledge(request)
+                    people.insert_edge("him", "close_to", "robot")
+
+            with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
+                begin_as_somebody_comes()
+            assert codra.knowledge.snapshot().handover("detecting").stage is Stage.WANTS
+            people.delete_edge("him", "close_to", "robot")
+            with acting.transaction() as first:
+                first.acknowledge(request)
+                first.insert_node("box", "roll_container")
+        told = [event.what for event in codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")]
+        assert told == ["begun", "refused", "unfulfilled"]
+        why = codra.why("container_detection.detect")
+        assert str(why).startswith("container_detection.detect is 'unfulfilled' at 0 s")
+        assert "unfulfilled at 0 s: detecting.result == 'ok' does not hold" in str(why)
+        assert codra.knowledge.snapshot().handover("detecting").stage is Stage.IS
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
 
 
 def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:

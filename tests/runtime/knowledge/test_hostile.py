@@ -12,7 +12,7 @@ import pytest
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.geometry import FrameError, Frames, Pose
 from codra_dsl.runtime.knowledge import AbsentError, Change, Knowledge
-from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, path, some
+from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, anything, path, some
 from tests.runtime.knowledge.store import store
 from tests.runtime.knowledge.test_poses import PARTS
 
@@ -70,6 +70,42 @@ def test_a_chain_of_thousands_is_followed_and_closed_to_no_circle() -> None:
     assert knowledge.transform("n0", f"n{count - 1}").pose.translation_m == (count - 1.0, 0.0, 0.0)
     with pytest.raises(FrameError, match=f"'n0' cannot stand in 'n{count - 1}' from 0 s on"):
         hand.place(f"n{count - 1}", "moves", "n0", Pose())
+
+
+def test_a_path_of_thousands_of_edges_is_followed_from_wherever_it_is_certain() -> None:
+    count = 3_000
+    nodes = tuple(NodeModel(name=f"n{number}", type="part") for number in range(count))
+    model = KnowledgeModel(name="chain", node_types=PARTS.node_types, edge_types=PARTS.edge_types, nodes=nodes)
+    knowledge = Knowledge(model, clock=SimClock())
+    with knowledge.as_agent("hand").transaction() as write:
+        for number in range(1, count):
+            write.place(f"n{number - 1}", "moves", f"n{number}", Pose())
+    for start, end in ((0, count - 1), (None, count - 1)):
+        first = some("part", called="first") if start is None else f"n{start}"
+        parts = [part for _ in range(count - 2) for part in ("moves", anything())]
+        (found,) = knowledge.snapshot().match(path(first, *parts, "moves", f"n{end}"))
+        assert found.edges[0] == ("n0", "RT", "n1")
+        assert len(found.edges) == count - 1
+
+
+NO_PATTERNS = (None, "robot -near-> box", 3, [], KnowledgeModel)
+
+
+@pytest.mark.parametrize("given", NO_PATTERNS)
+def test_what_is_no_pattern_no_callback_and_no_request_is_told_so(given: Any) -> None:
+    knowledge = store()
+    picking = knowledge.as_agent("picking")
+    for ask in (knowledge.snapshot().holds, lambda it: knowledge.subscribe(print, it)):
+        with pytest.raises(TypeError, match="a pattern is a path, an absence or a condition, not"):
+            ask(given)
+    with pytest.raises(TypeError, match="what names a request is what request"):
+        picking.abort(given)
+    for hear in (knowledge.subscribe, picking.on_wake, lambda it: knowledge.follow("battery", "level", it)):
+        if not callable(given):
+            with pytest.raises(TypeError, match="what is called back is a function, not"):
+                hear(given)
+    with pytest.raises(FrameError, match="there is no frame None"):
+        knowledge.transform(None, None)  # type: ignore[arg-type]
 
 
 def test_a_circle_by_new_parents_is_refused_with_all_of_its_transaction() -> None:

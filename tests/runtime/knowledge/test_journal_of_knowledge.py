@@ -211,6 +211,32 @@ def test_why_tells_who_wrote_knowledge_when_and_in_which_change(name: str, at_s:
     assert str(explain(head.outline, lambda until_s: Ledger.of(events, until_s), name, at_s)) == WHYS[name, at_s]
 
 
+def test_why_tells_what_one_change_deletes_and_makes_again_and_the_attributes_of_what_is_gone() -> None:
+    clock = SimClock()
+    with manager(clock) as codra:
+        detection = codra.agent("container_detection").graph
+        page = codra.agent("picker_page").graph
+        detection.insert_node("box", "roll_container")
+        page.set("box", "locked", True)
+        clock.sleep(1.0)
+        with detection.transaction() as again:
+            again.delete_node("box")
+            again.insert_node("box", "roll_container")
+            again.insert_edge("box", "close_to", "robot", distance=2.0)
+        told = {
+            name: codra.why(name).reading.content for name in ("box", "box.locked", "box -close_to-> robot.distance")
+        }
+        assert told == {"box": True, "box.locked": None, "box -close_to-> robot.distance": 2.0}
+
+        with detection.transaction() as again:
+            again.delete_edge("box", "close_to", "robot")
+            again.insert_edge("box", "close_to", "robot", distance=1.0)
+        assert codra.why("box -close_to-> robot").reading.content is True
+        assert codra.why("box -close_to-> robot.distance").reading.content == 1.0
+        detection.delete_node("box")
+        assert codra.why("box -close_to-> robot.distance").reading.detail == "its edge was deleted"
+
+
 def test_why_of_a_shared_attribute_is_that_of_the_variable(tmp_path: Path) -> None:
     codra = run(tmp_path / "run.mcap")
     assert codra.why("battery.charge", at_s=12.0) == codra.why("charge", at_s=12.0)

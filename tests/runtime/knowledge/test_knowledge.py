@@ -81,6 +81,8 @@ def test_nodes_come_by_type_and_by_what_their_attributes_are() -> None:
     assert names(seen.nodes("person")) == ["zoe", "anna", "bob", "new"]
     assert names(seen.nodes("person", where=value("height") > 1.7)) == ["zoe", "bob"]
     assert names(seen.nodes("person", where=~(value("height") > 1.7))) == ["anna"]
+    with pytest.raises(UnknownNameError, match="did you mean 'height'"):
+        seen.nodes("person", where=value("hight") > 1.7)
 
 
 def test_a_node_is_deleted_with_its_edges_whoever_wrote_them() -> None:

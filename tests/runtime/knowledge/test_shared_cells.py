@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 
 from codra_dsl.runtime import ContextManager, Kind, NotASourceError, NotOfTypeError, SimClock, WallClock
 from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.knowledge import AgentTakenError, Transaction
+from codra_dsl.runtime.knowledge import AgentTakenError, Knowledge, Transaction
 from tests.runtime.knowledge.manager import MODEL, manager
+from tests.runtime.knowledge.store import STORE
 
 
 def test_what_either_side_writes_is_one_reading_on_both() -> None:
@@ -200,8 +202,8 @@ def test_nobody_else_gets_the_name_of_an_agent_while_its_handle_is_open() -> Non
         assert codra.get("charge").value == 2.0
 
 
-@pytest.mark.parametrize("name", ["main_execution", "observer", "nobody"])
-def test_no_agent_can_write_as_the_main_execution_or_an_observer(name: str) -> None:
+@pytest.mark.parametrize("name", ["observer", "nobody"])
+def test_nobody_can_write_as_an_observer_or_as_who_is_not_declared(name: str) -> None:
     with manager(SimClock()) as codra:
         for take in (codra.agent, codra.knowledge.as_agent):
             with pytest.raises(LookupError, match="has no agent"):
@@ -259,3 +261,55 @@ def test_eight_threads_write_both_sides_and_no_foreign_write_gets_through() -> N
     assert len(refused) == 5 * 600
     assert sorted(audited) == sorted(refused)
     assert len([event for event in recorded if event.what == "refused"]) == 5 * 400
+
+
+def test_the_main_execution_is_an_agent_of_what_it_is_a_source_and_has_one_owner_at_a_time() -> None:
+    with manager(SimClock()) as codra:
+        main = codra.agent("main_execution")
+        with main.graph.transaction() as said:
+            said.set("context", "light", True)
+        assert (codra.get("light").value, codra.get("light").source) == (True, "main_execution")
+        main.set("light", False)
+        codra.set("light", True)
+        with pytest.raises(NotASourceError):
+            main.graph.set("battery", "charge", 1.0)
+        for take in (codra.agent, codra.knowledge.as_agent):
+            with pytest.raises(AgentTakenError):
+                take("main_execution")
+        main.close()
+        assert codra.knowledge.as_agent("main_execution").name == "main_execution"
+
+
+def test_the_main_execution_is_no_agent_of_a_graph_that_does_not_name_it() -> None:
+    with pytest.raises(LookupError, match="has no agent 'main_execution'"):
+        Knowledge(STORE, clock=SimClock()).as_agent("main_execution")
+
+
+def test_without_knowledge_the_error_tells_where_to_declare_it() -> None:
+    with ContextManager[str, str](MODEL, clock=SimClock(), resources={}) as codra:
+        with pytest.raises(LookupError, match="the spec 'store' says nothing of knowledge: declare `knowledge` in it"):
+            _ = codra.knowledge
+        navigation = codra.agent("navigation")
+        with pytest.raises(LookupError, match="says nothing of knowledge: declare `knowledge` in it"):
+            _ = navigation.graph
+        with pytest.raises(LookupError, match="says nothing of knowledge"):
+            navigation.on_wake(print)
+
+
+def test_a_session_has_an_agent_from_its_first_write_to_its_end() -> None:
+    told: list[dict[str, Any]] = []
+    written = {"codra": 1, "id": 1, "ask": "set", "variable": "charge", "value": 50.0, "agent": "navigation"}
+    with manager(SimClock()) as codra:
+        session, another = codra.session(told.append), codra.session(told.append)
+        program = codra.agent("navigation")
+        session.receive(written)
+        program.close()
+        session.receive(written)
+        another.receive(written)
+        with pytest.raises(AgentTakenError):
+            codra.agent("navigation")
+        session.close()
+        another.receive(written)
+
+        kinds = [each["error"]["kind"] if "error" in each else "answer" for each in told]
+        assert kinds == ["agent_taken", "answer", "agent_taken", "answer"]
