@@ -173,8 +173,8 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
         caption=(
             "Two-sided Welch's t-test, without against with observers (P1, footnote 4: p < 0.01, n = 10), with 95 %"
             " intervals by Welch and Satterthwaite and Hedges' g. It takes the samples as independent; here the same"
-            " seeds act alike in both, which makes the test of the whole task a cautious one, and the five executions of a seed count as"
-            " five."
+            " seeds act alike in both, which makes the test of the whole task a cautious one, and each of the five"
+            " executions of a seed counts."
         ),
         header=("sample", "task", "part", "n", "difference in s", "t", "degrees of freedom", "p", "Hedges' g"),
         rows=rows,
