@@ -142,6 +142,17 @@ def test_an_arm_stands_where_a_recount_puts_it(ablation: Judged) -> None:
     assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in told)
 
 
+def test_differences_are_over_what_both_arms_came_to_know(ablation: Judged) -> None:
+    told = list(ablation.outcomes.values())
+    found = {one.arm: one for one in standings(told, LIDS_AND_LATCHES, PRECONDITIONS.name, ())}
+    centrifuge = ("centrifuge_open", "centrifuge_locked")
+    known = {one.arm: one for one in standings(told, centrifuge, PRECONDITIONS.name, ())}
+
+    assert found[PRECONDITIONS.name].left_out >= 2  # nobody has driven to the PCR-cycler yet
+    assert found[NAIVE.name].left_out < found[PRECONDITIONS.name].left_out
+    assert found[NAIVE.name].paper_difference == known[NAIVE.name].paper_difference
+
+
 def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
     arm = "*_in_view without *_in_observable_distance"
     outcome = next(iter(ablation.outcomes.values()))
@@ -259,7 +270,7 @@ def test_more_machines_make_the_slot_dearer_for_naive_observers(tmp_path: Path) 
     assert {name for name in jobs[8] if name.startswith("localize_") and name.endswith("_lid")} == {
         f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(each.name for each in FURTHER))
     }
-    assert {len(row) for table in tables(told.document) for row in table.rows} == {3, 7, 8}
+    assert {len(row) for table in tables(told.document) for row in table.rows} == {3, 8}
 
 
 def test_further_machines_stand_in_free_places_with_tags_of_their_own() -> None:
