@@ -120,7 +120,7 @@ def _told(found: Sequence[Standing]) -> str:
 
 EXPERIMENT = Experiment(
     name="lab-ablation",
-    question="what is each precondition and each refinement of the spec worth?",
+    question="What is each precondition and each refinement of the spec worth?",
     seeds=4,
     trials=trials,
     judge=judge,

@@ -142,7 +142,7 @@ def _of(found: Sequence[Standing], arm: str) -> Standing:
 
 EXPERIMENT = Experiment(
     name="lab-budgets",
-    question="what is left of each arm's knowledge when two, four and eight machines share one vision slot?",
+    question="What is left of each arm's knowledge when two, four and eight machines share one vision slot?",
     seeds=4,
     trials=trials,
     judge=judge,

@@ -272,7 +272,7 @@ def _as_data(one: Belief) -> Mapping[str, Any]:
 
 EXPERIMENT = Experiment(
     name="lab-disturbances",
-    question="what do observers believe when somebody else interferes, and how soon are they right again?",
+    question="What do observers believe when somebody else interferes, and how soon are they right again?",
     seeds=10,
     trials=trials,
     judge=judge,

@@ -112,7 +112,7 @@ def _summary(found: Sequence[Standing]) -> Iterator[str]:
 
 EXPERIMENT = Experiment(
     name="lab-options",
-    question="what do validity, changes, confirmation and looking on events each do to what is known?",
+    question="What do validity, changes, confirmation and looking on events each do to what is known?",
     seeds=6,
     trials=trials,
     judge=judge,

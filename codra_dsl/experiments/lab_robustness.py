@@ -206,7 +206,7 @@ def _results(found: _Found) -> Mapping[str, object]:
 
 EXPERIMENT = Experiment(
     name="lab-robustness",
-    question="does context make observers steadier, and how much perception does it save?",
+    question="Does context make observers steadier, and how much perception does it save (P1, section 4.1)?",
     seeds=20,
     trials=trials,
     judge=judge,

@@ -279,7 +279,7 @@ def _cells(one: Standing) -> Sequence[str | float | int | None]:
 
 EXPERIMENT = Experiment(
     name="lab-sensitivity",
-    question="in which laboratories, and with which numbers in the spec, does the advantage over naive vanish?",
+    question="In which laboratories, and with which numbers in the spec, does the advantage over naive vanish?",
     seeds=2,
     trials=trials,
     judge=judge,

@@ -128,7 +128,7 @@ def _variables(told: Sequence[Outcome], machine: str) -> Table:
 
 EXPERIMENT = Experiment(
     name="lab-transfer",
-    question="does the spec hold for a machine of another shape that is added by one line?",
+    question="Does the spec hold for a machine of another shape that is added by one line?",
     seeds=6,
     trials=trials,
     judge=judge,

@@ -8,7 +8,7 @@ from codra_dsl.experiments.lab_runtime.runs import trials
 
 EXPERIMENT = Experiment(
     name="lab-runtime",
-    question="How much time does the main execution save when observers answer its decisions, and why (P1, 4.2)?",
+    question="How much time does the main execution save with observers, and why (P1, section 4.2)?",
     seeds=20,
     trials=trials,
     judge=judge,

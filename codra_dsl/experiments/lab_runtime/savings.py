@@ -10,6 +10,10 @@ from codra_dsl.experiments.lab_runtime.paper import CONTEXT_CHECK_S
 from codra_dsl.experiments.outcomes import Decision
 from codra_dsl.worlds.lab.mission import WAIT_S
 
+AT_P1S_CHECK = "each check takes P1's time in place of asking and waiting"
+KNOWING_NOTHING = "observers know nothing"
+"""Two of the scenarios, which the summary names."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saving:
@@ -128,11 +132,8 @@ def scenarios(found: Saving) -> Sequence[Scenario]:
         "as measured": (without_s, cost_s + found.own_looks_s),
         "looks take half as long": (without_s / 2, cost_s + found.own_looks_s / 2),
         "looks take twice as long": (without_s * 2, cost_s + found.own_looks_s * 2),
-        "each check takes P1's time in place of asking and waiting": (
-            without_s,
-            found.checks * CONTEXT_CHECK_S + found.own_looks_s,
-        ),
-        "observers know nothing": (without_s, found.asking_s + found.monitors * WAIT_S + all_looked_s),
+        AT_P1S_CHECK: (without_s, found.checks * CONTEXT_CHECK_S + found.own_looks_s),
+        KNOWING_NOTHING: (without_s, found.asking_s + found.monitors * WAIT_S + all_looked_s),
         "observers know everything at once": (without_s, found.asking_s),
     }
     return [

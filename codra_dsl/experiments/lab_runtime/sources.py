@@ -12,7 +12,7 @@ from codra_dsl.experiments.lab_runtime.executions import Execution, Task
 from codra_dsl.experiments.lab_runtime.finding import Finding, percent, rounded
 from codra_dsl.experiments.lab_runtime.paper import CONTEXT_CHECK_S
 from codra_dsl.experiments.lab_runtime.runs import DECISION_S, Pair
-from codra_dsl.experiments.lab_runtime.savings import Saving, saving, scenarios
+from codra_dsl.experiments.lab_runtime.savings import AT_P1S_CHECK, KNOWING_NOTHING, Saving, saving, scenarios
 from codra_dsl.experiments.outcomes import Decision
 from codra_dsl.worlds.lab.mission import WAIT_S
 
@@ -153,10 +153,12 @@ def _sentence(whole: Saving) -> str:
     shares = {case.name: percent(case.share) for case in scenarios(whole)}
     cost = percent((whole.waiting_s + whole.asking_s) / whole.without_s)
     return (
-        f"{percent(whole.share)} % of perception time is saved: context answered {percent(answered_share(whole))} % of"
-        f" {whole.checks} perception tasks in time, which is what the observers knew; asking and waiting cost {cost} %."
+        f"Over all seeds {percent(whole.share)} % of perception time is saved: context answered"
+        f" {percent(answered_share(whole))} % of {whole.checks} perception tasks in time, which is what the observers"
+        f" knew; asking and waiting cost {cost} %."
         f" That a look takes {whole.look_s:.1f} s follows from P1: with looks half as long"
         f" {shares['looks take half as long']} % would be saved, with looks twice as long"
-        f" {shares['looks take twice as long']} %, and with observers that know nothing"
-        f" {shares['observers know nothing']} %."
+        f" {shares['looks take twice as long']} %. At P1's {CONTEXT_CHECK_S:.2f} s for each check it would be"
+        f" {shares[AT_P1S_CHECK]} %; observers that know nothing would save {shares[KNOWING_NOTHING]} %: less than"
+        " nothing is time lost."
     )

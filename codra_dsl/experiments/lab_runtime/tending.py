@@ -89,13 +89,14 @@ def _saved_per_check_s(task: Task, pairs: Sequence[Pair]) -> float | None:
 
 def _told_of_slips(pairs: Sequence[Pair]) -> str:
     made = [each for pair in pairs for task in Task for found in pair.of(task) for each in found]
-    other = sum(len(execution.checks) != CHECKS for execution in made)
+    checks = [len(execution.checks) for execution in made]
+    more, fewer = sum(count > CHECKS for count in checks), sum(count < CHECKS for count in checks)
     return (
         f"{len(made)} executions were brought to their end, each task with and without observers. A task is its"
         " perception tasks, the decisions that need no camera, and acting, which is all that is left. The same seed"
         " draws the same durations of acting, with and without observers."
-        f" {other} executions have another number of perception tasks than {CHECKS}: a lever or lid slipped and was"
-        " tried again, or something was already as wanted."
+        f" {more} executions have more than {CHECKS} perception tasks, since a lever or lid slipped and was tried"
+        f" again; {fewer} have fewer, where something was already as wanted."
     )
 
 
@@ -106,16 +107,19 @@ def _sentence(task: Task, pairs: Sequence[Pair]) -> str:
     saved_s = rounded(_saved_per_check_s(task, first))
     return (
         f"{task.capitalize()} the PCR-cycler: perception takes {perception} less time with observers (P1:"
-        f" {paper.perception_share:.0%}), the whole task {whole} (P1: {paper.task_share:.0%}), and a perception task"
-        f" {saved_s} s (P1: {paper.saved_per_check_s} s).{_over_seeds(task, pairs[1:])}"
+        f" {100 * paper.perception_share:.0f} %), the whole task {whole} (P1: {100 * paper.task_share:.0f} %), and a"
+        f" perception task {saved_s} s (P1: {paper.saved_per_check_s} s).{_over_seeds(task, pairs[1:])}"
     )
 
 
 def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
     if not pairs:
         return ""
-    told = (between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1) for level in LEVELS)
-    return " Over {} further seeds the whole task takes {} % less, and perception {} %.".format(len(pairs), *told)
+    perception, whole = (
+        between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
+        for level in (PERCEPTION, WHOLE)
+    )
+    return f" Over {len(pairs)} further seeds perception takes {perception} % less, and the whole task {whole} %."
 
 
 # Tables
@@ -169,7 +173,8 @@ def _welch_table(pairs: Sequence[Pair]) -> Table:
         caption=(
             "Two-sided Welch's t-test, without against with observers (P1, footnote 4: p < 0.01, n = 10), with 95 %"
             " intervals by Welch and Satterthwaite and Hedges' g. It takes the samples as independent; here the same"
-            " seeds act alike in both, which makes the test of the whole task a cautious one."
+            " seeds act alike in both, which makes the test of the whole task a cautious one, and each of the five"
+            " executions of a seed counts."
         ),
         header=("sample", "task", "part", "n", "difference in s", "t", "degrees of freedom", "p", "Hedges' g"),
         rows=rows,
@@ -201,7 +206,7 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
             f"By how much durations are less with observers, over {len(pairs)} further seeds: ratio of sums with a"
             " 95 % interval, resampled by seed with both runs of each."
         ),
-        header=("task", *(f"{level}: less in %" for level in LEVELS), "P1: perception", "P1: whole task"),
+        header=("task", *(f"{level}: less in %" for level in LEVELS), "P1: whole task", "P1: perception"),
         rows=[
             (
                 task,
@@ -209,8 +214,8 @@ def _intervals(pairs: Sequence[Pair]) -> Table:
                     between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
                     for level in LEVELS
                 ),
-                percent(PAPER[task].perception_share),
                 percent(PAPER[task].task_share),
+                percent(PAPER[task].perception_share),
             )
             for task in Task
         ],

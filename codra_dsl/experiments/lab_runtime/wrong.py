@@ -54,15 +54,18 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
         folder: of the experiment, below which frames were kept.
     """
     found = mistakes(outcomes)
-    decided = sum(len(outcome.decisions) for outcome in outcomes)
+    decided = [decision for outcome in outcomes for decision in outcome.decisions]
+    looked = sum(decision.has_looked for decision in decided)
+    wrong_looks = sum(mistake.decision.has_looked for mistake in found)
     put_right = sum(
         NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
         for outcome in outcomes
         for decision in outcome.decisions
     )
     told = (
-        f"{len(found)} of {decided} decisions in all runs were made on a value that was not true,"
-        f" {sum(not mistake.decision.has_looked for mistake in found)} of them answered by context."
+        f"Of {len(decided)} decisions in all runs context answered {len(decided) - looked}, of which"
+        f" {len(found) - wrong_looks} with a value that was not true; the robot found out the other {looked} by itself,"
+        f" {wrong_looks} of them wrongly."
     )
     return Finding(
         section=Section(
@@ -77,7 +80,7 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
             ],
         ),
         summary=[told],
-        results={"decisions": decided, "wrong_decisions": [_plain(mistake) for mistake in found]},
+        results={"decisions": len(decided), "wrong_decisions": [_plain(mistake) for mistake in found]},
     )
 
 
