@@ -66,6 +66,7 @@ class PageApp:
                 Route("/", self._page),
                 Route("/page.js", self._script),
                 Route("/page.css", self._style),
+                Route("/favicon.ico", self._icon),
                 Route("/view", self._view),
                 Route("/events", self._events),
                 Route("/orders", self._order, methods=["POST"]),
@@ -95,6 +96,9 @@ class PageApp:
 
     async def _style(self, _: Request) -> Response:
         return Response(static_text("page.css"), media_type="text/css")
+
+    async def _icon(self, _: Request) -> Response:
+        return Response(status_code=204)
 
     async def _view(self, _: Request) -> Response:
         return JSONResponse(self._feed.view())

@@ -11,12 +11,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from codra_dsl.worlds.store.geometry import Box, Stand
 from codra_dsl.worlds.store.knowledge import named_stands
-from codra_dsl.worlds.store.layout import AREAS, CONTAINER_M, DEPTH_M, FIXED, LENGTH_M, PICKING_AREAS
+from codra_dsl.worlds.store.layout import AREAS, CONTAINER_M, DEPTH_M, FIXED, LENGTH_M, PICKING_AREAS, Area
 from codra_dsl.worlds.store.people import PERSON_RADIUS_M
 from codra_dsl.worlds.store.state import BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M, FORK_WIDTH_M, Load
 
 PACKAGE = "codra_dsl.worlds.store.page"
 MARGIN_M = 0.3
+LABEL_M = 0.63
+"""So far from the middle of a container's place is a name that stands beside it."""
 
 
 @cache
@@ -43,7 +45,7 @@ def page_html() -> str:
         shelves=[_points(box) for box in FIXED],
         places=[_points(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
         stands=[_stand(name, stand) for name, stand in named_stands().items() if "_pose_" in name or "_" not in name],
-        names=[(spoken(name), *_at(area.places[0])) for name, area in AREAS.items()],
+        names=[(spoken(area.name), *_at(_label(area))) for area in AREAS.values()],
         body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
         fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),
         container=(-CONTAINER_M / 2, CONTAINER_M),
@@ -54,6 +56,13 @@ def page_html() -> str:
 def spoken(name: str) -> str:
     """Return a name of the map as people say it."""
     return name.replace("_", " ").capitalize()
+
+
+def _label(area: Area) -> Stand:
+    """Return where in its recess an area has its name: between the places of containers, or beside the only one."""
+    first, last = area.places[0], area.places[-1]
+    y_m = (first.y_m + last.y_m) / 2 if len(area.places) > 1 else first.y_m + LABEL_M
+    return Stand(first.x_m + 0.2, y_m)
 
 
 def _points(box: Box) -> str:

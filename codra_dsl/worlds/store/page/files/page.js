@@ -134,12 +134,18 @@ function showOrders(orders) {
   );
 }
 
+function stageText(task) {
+  const who = spoken(task.requester).toLowerCase();
+  const texts = { "": "never asked for", wants: `asked for by ${who}`, is: `under way for ${who}` };
+  return texts[task.stage] ?? task.stage;
+}
+
 function showTasks(tasks) {
   fill("tasks", tasks, (task) =>
     row(
       spoken(task.name),
       spoken(task.by),
-      made("td", task.stage ? `${task.stage} (by ${spoken(task.requester).toLowerCase()})` : "never asked for", task.stage),
+      made("td", stageText(task), task.stage),
       task.outcome ? spoken(task.outcome) : "–",
     ),
   );
