@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import tempfile
 from collections.abc import Callable
@@ -104,5 +105,5 @@ def _run(start: Start, settings: StoreRunSettings, name: str) -> StoreRun:
     except OSError as error:
         if settings.page is None:
             raise
-        say(f"codra: the page cannot be served at port {settings.page.port}: {error.strerror}")
+        say(f"codra: the page cannot be served at port {settings.page.port}: {os.strerror(error.errno or 0)}")
         raise typer.Exit(ExitCode.FAILED) from error

@@ -60,19 +60,21 @@ class _Stream(Response):
         self._opened = opened
 
     async def __call__(self, _: Scope, receive: Receive, send: Send) -> None:
-        sending = asyncio.create_task(self._send(send))
-        leaving = asyncio.create_task(_left(receive))
+        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
+        sending, leaving = asyncio.create_task(self._send(send)), asyncio.create_task(_left(receive))
         self._opened.add(sending)
         try:
             await asyncio.wait((sending, leaving), return_when=asyncio.FIRST_COMPLETED)
         finally:
+            self._opened.discard(sending)
+            is_over = sending.cancelled()
             sending.cancel()
             leaving.cancel()
             await asyncio.gather(sending, leaving, return_exceptions=True)
-            self._opened.discard(sending)
+        if is_over:
+            await send({"type": "http.response.body"})
 
     async def _send(self, send: Send) -> None:
-        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
         number = 0
         while True:
             try:
