@@ -11,9 +11,10 @@ FUZZYLITE_READY := $(FUZZYLITE)/.ready
 FUZZYLITE_PINS := benchmarks/fuzzylite-requirements.txt
 RAFCON_PINS := codra_dsl/bridges/rafcon/requirements.txt
 
-# Python itself, and the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along.
+# Python itself, the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along, and the
+# browser in which the store's page is tested.
 define PROBE
-import ctypes, sys
+import ctypes, shutil, sys
 
 def loads(*names):
     try:
@@ -27,7 +28,7 @@ except ImportError:
     sys.exit(1)
 drawing = loads("libglib-2.0.so.0", "libgobject-2.0.so.0", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
 rendering = loads("libOSMesa.so.8") or loads("libEGL.so.1", "libOpenGL.so.0")
-sys.exit(not (drawing and rendering))
+sys.exit(not (drawing and rendering and shutil.which("chromium")))
 endef
 export PROBE
 

@@ -14,6 +14,7 @@ import typer
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
 from codra_dsl.cli.lab import lab_spec, made_folder
 from codra_dsl.cli.options import ColourOption
+from codra_dsl.cli.store import PageOptions, StoreOptions, run_in_store
 
 if TYPE_CHECKING:
     from codra_dsl.experiments.lab import LabRun, LabSettings
@@ -24,6 +25,7 @@ class World(StrEnum):
     """The worlds that a spec can be run in."""
 
     LAB = "lab"
+    STORE = "store"
 
 
 class Pace(StrEnum):
@@ -33,12 +35,27 @@ class Pace(StrEnum):
     REAL = "real"
 
 
+class Happening(StrEnum):
+    """What happens in the store, besides what somebody at its page asks for; a situation's name."""
+
+    ORDINARY = "ordinary"
+    SECOND_ORDER = "second-order"
+    PEOPLE_CLOSE = "people-close"
+    HIDDEN = "hidden"
+    ABSENT = "absent"
+    QUIET = "quiet"
+
+
 SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec to run.", show_default=False)]
 WorldOption = Annotated[World, typer.Option("--world", help="Where to run it.")]
 Seed = Annotated[int, typer.Option("--seed", help="Of everything that chance decides.")]
 Duration = Annotated[
     str | None,
-    typer.Option("--for", metavar="DURATION", help="How long, e.g. '10 min'.  [default: one whole loop]"),
+    typer.Option(
+        "--for",
+        metavar="DURATION",
+        help="How long, e.g. '10 min'.  [default: one whole loop; store: 10 min, with --page until Ctrl-C]",
+    ),
 ]
 PaceOption = Annotated[Pace, typer.Option("--pace", help="Whether simulated or real time passes.")]
 Naive = Annotated[bool, typer.Option("--naive", help="Add an arm without conditions that looks again at once.")]
@@ -54,6 +71,18 @@ JournalOption = Annotated[
         help="Write the run's journal, an MCAP file; with --naive also FILE's name with .naive in it.",
         show_default=False,
     ),
+]
+
+SituationOption = Annotated[
+    Happening | None,
+    typer.Option(
+        "--situation", help="Store: what happens.  [default: ordinary, with --page quiet]", show_default=False
+    ),
+]
+PageOption = Annotated[bool, typer.Option("--page", help="Store: serve the picker's page, on this machine only.")]
+Port = Annotated[
+    int | None,
+    typer.Option("--port", min=1, max=65535, help="Store: of the page.  [default: one that is free]"),
 ]
 
 _PROGRESS_EVERY_S = 10.0
@@ -72,18 +101,61 @@ def run_command(
     naive: Naive = False,
     out: Out = None,
     journal: JournalOption = None,
+    situation: SituationOption = None,
+    page: PageOption = False,
+    port: Port = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run a spec in a simulated world. It prints what its observers held against what was true."""
+    """Run a spec in a simulated world. It prints what came of it, against what was true."""
+    duration_s = None if for_ is None else _duration_s(for_)
+    (spec,) = existing([spec])
+    if world is World.STORE:
+        _refuse_options("the store has no", {"--naive": naive, "--out": out is not None})
+        if port is not None and not page:
+            raise typer.BadParameter("it is the port of --page", param_hint="--port")
+        settings = StoreOptions(
+            seed=seed,
+            duration_s=duration_s,
+            pace=pace.value,
+            situation=None if situation is None else situation.value,
+            page=PageOptions(port=port or 0) if page else None,
+            progress=_progress(),
+            journal=None if journal is None else _writable(journal),
+        )
+        run_in_store(spec, settings, color)
+    else:
+        _refuse_options(
+            "the lab has no", {"--situation": situation is not None, "--page": page, "--port": port is not None}
+        )
+        _run_in_lab(
+            spec, seed=seed, duration_s=duration_s, pace=pace, naive=naive, out=out, journal=journal, color=color
+        )
+
+
+def _refuse_options(why: str, given: Mapping[str, bool]) -> None:
+    for option, is_given in given.items():
+        if is_given:
+            raise typer.BadParameter(f"{why} such option", param_hint=option)
+
+
+def _run_in_lab(
+    spec: Path,
+    *,
+    seed: int,
+    duration_s: float | None,
+    pace: Pace,
+    naive: bool,
+    out: Path | None,
+    journal: Path | None,
+    color: Colour,
+) -> None:
     try:
-        from codra_dsl.experiments import lab
+        from codra_dsl.experiments import lab, pacing
         from codra_dsl.experiments.arms import NAIVE
     except ModuleNotFoundError as error:
         say(f"codra: 'run' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
         raise typer.Exit(ExitCode.FAILED) from error
 
-    duration_s = None if for_ is None else _duration_s(for_)
-    (spec,) = existing([spec])
     root = common_root([spec])
     loaded = lab_spec(spec, root, color)
     settings = lab.LabSettings(
@@ -91,7 +163,7 @@ def run_command(
         duration_s=duration_s,
         work=lab.OneLoop() if duration_s is None else lab.Loops(),
         answering=CONTEXT_DRIVEN,
-        pace=lab.Pace(pace.value),
+        pace=pacing.Pace(pace.value),
         progress=_progress(),
         journal=None if journal is None else _writable(journal),
     )
@@ -99,10 +171,10 @@ def run_command(
         _writable(lab.beside(journal, NAIVE.name))
     folder = made_folder(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
-    _show(_run(loaded, world, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
+    _show(_run(loaded, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
 
 
-def _run(spec: Spec, world: World, settings: LabSettings, naive: bool) -> LabRun:
+def _run(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
     from codra_dsl.experiments.arms import NAIVE, Arm, Need, observers
     from codra_dsl.experiments.lab import run_lab
     from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
@@ -117,7 +189,7 @@ def _run(spec: Spec, world: World, settings: LabSettings, naive: bool) -> LabRun
             say(f"codra: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
         except (CallError, NotDeclaredError, UnknownNameError) as error:
-            say(f"codra: '{spec.name}' does not run in the {world}: {error}")
+            say(f"codra: '{spec.name}' does not run in the lab: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
 
 

@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 from random import Random
 
 from codra_dsl.experiments.arms import Need, Observers
 from codra_dsl.experiments.audience import Asked, Audience, Manager, SkillSpan
 from codra_dsl.experiments.limited_time import LimitedClock, TimeIsUp
+from codra_dsl.experiments.pacing import Pace
 from codra_dsl.experiments.scoring import Piece, Score, held_pieces, pieces, score
 from codra_dsl.runtime import Clock, Journal, Record, SimClock, Spent, WallClock
 from codra_dsl.runtime.context import MAIN
@@ -36,13 +36,6 @@ PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycl
 
 Work = Callable[[Mission], None]
 """What the main execution does: a frozen value, so that it can be sent to a process and told in a report."""
-
-
-class Pace(StrEnum):
-    """How time passes."""
-
-    FAST = "fast"
-    REAL = "real"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -32,6 +32,9 @@ class Situation(StrEnum):
     ABSENT = "absent"
     """There is no container to collect."""
 
+    QUIET = "quiet"
+    """Nobody orders anything, unless somebody at the page does. There is an empty container in the area."""
+
 
 class OrderKind(StrEnum):
     """What pickers ask for."""
@@ -44,8 +47,8 @@ class OrderKind(StrEnum):
 class Page(Protocol):
     """What pickers use to say what they want (P2's PickerWebInterface)."""
 
-    def order(self, kind: OrderKind, area: str, to: str) -> None:
-        """Ask for a container to be brought from one area to another."""
+    def order(self, kind: OrderKind, area: str, to: str) -> str:
+        """Ask for a container to be brought from one area to another; return the name of the order."""
         ...
 
     def tell_load(self, load: Load) -> None:
@@ -78,9 +81,15 @@ class StoreSettings:
 def beginning(settings: StoreSettings) -> Beginning:
     """Return how the shop stands when it opens: two containers in it or in the back room besides the one to collect."""
     places = PICKING_AREAS[settings.area].places
-    where = {Situation.ORDINARY: places[0], Situation.PEOPLE_CLOSE: places[0], Situation.HIDDEN: places[1]}
+    where = {
+        Situation.ORDINARY: places[0],
+        Situation.PEOPLE_CLOSE: places[0],
+        Situation.HIDDEN: places[1],
+        Situation.QUIET: places[0],
+    }
     at = where.get(settings.situation)
-    first = () if at is None else (Container(name="container_1", at=at, load=Load.FULL),)
+    load = Load.EMPTY if settings.situation is Situation.QUIET else Load.FULL
+    first = () if at is None else (Container(name="container_1", at=at, load=load),)
     others = (
         Container(name="container_2", at=SUPPLY.places[0]),
         Container(name="container_3", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM),
@@ -147,10 +156,11 @@ class Pickers:
             act(state)
 
     def _story(self) -> tuple[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]], ...]:
-        area = self._settings.area
+        if self._settings.situation is Situation.QUIET:
+            return ()
         if self._settings.situation is Situation.SECOND_ORDER:
             return (
-                (_always, 1.0, lambda _: self._page.order(OrderKind.PROVIDE, SUPPLY.name, area)),
+                (_always, 1.0, lambda _: self._provide()),
                 (self._has_container, 5.0, lambda state: self._load(state, Load.LOADING)),
                 (self._has_container, 40.0, self._order_on),
                 (_is_carrying, 12.0, lambda state: self._load(state, Load.FULL)),
@@ -159,6 +169,9 @@ class Pickers:
         if self._settings.situation is Situation.PEOPLE_CLOSE:
             return (collect, (self._is_here, 1.0, self._cross))
         return (collect,)
+
+    def _provide(self) -> None:
+        self._page.order(OrderKind.PROVIDE, SUPPLY.name, self._settings.area)
 
     def _collect(self) -> None:
         self._page.tell_load(Load.FULL)

@@ -24,14 +24,15 @@ class PickerPage:
         self._handle = knowledge.as_agent("picker_page")
         self._count = 0
 
-    def order(self, kind: OrderKind, area: str, to: str) -> None:
-        """Insert an order, from one area to another."""
+    def order(self, kind: OrderKind, area: str, to: str) -> str:
+        """Insert an order, from one area to another; return its name."""
         self._count += 1
         name = f"order_{self._count}"
         with self._handle.transaction() as change:
             change.insert_node(name, "order", kind=kind)
             change.insert_edge(name, "of_area", area)
             change.insert_edge(name, "to_area", to)
+        return name
 
     def tell_load(self, load: Load) -> None:
         """Write what is in the container that the robot serves."""
@@ -48,15 +49,16 @@ class Store:
         page: on which pickers order.
     """
 
-    def __init__(self, clock: Clock, settings: StoreSettings) -> None:
+    def __init__(self, clock: Clock, settings: StoreSettings, knowledge: Knowledge | None = None) -> None:
         """Open the shop.
 
         Args:
             clock: on which it runs.
             settings: what is to happen.
+            knowledge: of a context manager that was compiled from a spec; by default one of the shop's own.
         """
         self.world = StoreWorld(clock, beginning(settings))
-        self.knowledge = Knowledge(store_knowledge(), clock=clock)
+        self.knowledge = Knowledge(store_knowledge(), clock=clock) if knowledge is None else knowledge
         self.page = PickerPage(self.knowledge)
         self.judge = Judge(self.world.state())
         self._clock = clock

@@ -1,0 +1,109 @@
+"""`codra run --world store`: a spec's knowledge in the simulated shop, with the picker's page if it is wanted."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from codra_dsl.cli.console import Colour, ExitCode, common_root, say, write_result
+from codra_dsl.cli.lab import one_plan
+
+if TYPE_CHECKING:
+    from codra_dsl.experiments.store_run import Start, StoreRun, StoreRunSettings
+
+LONG_S = 600.0
+"""How long a run lasts of which nobody said how long."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageOptions:
+    """That the page is wanted.
+
+    Attributes:
+        port: 0 for one that is free.
+    """
+
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreOptions:
+    """What the command was told, in its words."""
+
+    seed: int
+    duration_s: float | None
+    pace: str
+    situation: str | None
+    page: PageOptions | None
+    progress: Callable[[float], None]
+    journal: Path | None
+
+
+def run_in_store(spec: Path, options: StoreOptions, color: Colour) -> None:
+    """Compile a spec, let the shop open with it, and print what came of the run."""
+    try:
+        settings = _settings(options)
+        from codra_dsl.experiments.loading import load_start
+    except ModuleNotFoundError as error:
+        say(f"codra: 'run --page' needs {error.name}: pip install 'codra-dsl[store]'")
+        raise typer.Exit(ExitCode.FAILED) from error
+    from codra_dsl.emit import emit
+    from codra_dsl.experiments.store_run import store_text
+
+    root = common_root([spec])
+    plan = one_plan(spec, root, color)
+    name = plan.checked.spec.name
+    sys.path.append(str(root))  # perception functions of the robot's own may stand beside its specs
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        run = _run(load_start(emit(plan), name, Path(made)), settings, name)
+    if sys.stderr.isatty():
+        print("\r", end="", file=sys.stderr)
+    write_result(store_text(run))
+
+
+def _settings(options: StoreOptions) -> StoreRunSettings:
+    from codra_dsl.experiments.pacing import Pace
+    from codra_dsl.experiments.store_run import PageSettings, StoreRunSettings
+    from codra_dsl.worlds.store.situations import Situation, StoreSettings
+
+    page = options.page
+    if page is not None:
+        import codra_dsl.worlds.store.page.server  # noqa: F401 - known before the run whether it can be served
+    default_s = LONG_S if page is None else math.inf
+    situation = options.situation or (Situation.ORDINARY if page is None else Situation.QUIET)
+    return StoreRunSettings(
+        shop=StoreSettings(seed=options.seed, situation=Situation(situation.replace("-", " "))),
+        duration_s=default_s if options.duration_s is None else options.duration_s,
+        pace=Pace(options.pace),
+        progress=options.progress,
+        journal=options.journal,
+        page=None if page is None else PageSettings(port=page.port, opened=_opened),
+    )
+
+
+def _opened(url: str) -> None:
+    say(f"the picker's page is at {url}")
+
+
+def _run(start: Start, settings: StoreRunSettings, name: str) -> StoreRun:
+    from codra_dsl.experiments.store_run import run_store
+    from codra_dsl.runtime import NotASourceError
+
+    try:
+        return run_store(start, settings)
+    except (LookupError, NotASourceError) as error:
+        say(f"codra: '{name}' does not run in the store: {error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    except OSError as error:
+        if settings.page is None:
+            raise
+        say(f"codra: the page cannot be served at port {settings.page.port}: {os.strerror(error.errno or 0)}")
+        raise typer.Exit(ExitCode.FAILED) from error

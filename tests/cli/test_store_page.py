@@ -1,0 +1,235 @@
+"""The picker's page in Chromium, beside a real `codra run`: what is clicked stands in the journal of that process."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from tests.cli.test_commands import ROOT, codra, environment
+
+STORE = str(ROOT / "specs/store.yaml")
+LONG_S = 60.0
+
+
+def _heed_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class Run:
+    """A `codra run` with a page."""
+
+    def __init__(self, folder: Path, *options: str, spec: str = STORE) -> None:
+        self.folder = folder
+        self.journal = folder / "run.mcap"
+        settings = ("--world", "store", "--page", "--journal", str(self.journal), *options)
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "codra_dsl", "run", spec, *settings],
+            cwd=folder,
+            env=environment(),
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            preexec_fn=_heed_interrupts,  # a shell makes jobs in the background ignore them  # noqa: PLW1509
+        )
+        assert self.process.stderr is not None
+        told = self.process.stderr.readline()
+        found = re.fullmatch(r"the picker's page is at (http://127\.0\.0\.1:\d+/)\n", told)
+        assert found, told
+        self.url = found[1]
+
+    def events(self, *about: str) -> str:
+        """Return what the journal says by now; the process still writes it."""
+        assert self.process.poll() is None
+        return codra("journal", "show", str(self.journal), *about, cwd=self.folder).stdout
+
+    def interrupt(self) -> tuple[int, str, str]:
+        self.process.send_signal(signal.SIGINT)
+        output, errors = self.process.communicate(timeout=LONG_S)
+        return self.process.returncode, output, errors
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[Run]:
+    started = Run(tmp_path, "--pace", "real")
+    yield started
+    started.kill()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    chromium = shutil.which("chromium")
+    assert chromium, "README.md has the line that installs it"
+    with sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=chromium)
+        yield launched
+        launched.close()
+
+
+def opened(browser: Browser, run: Run, **settings: Any) -> Page:
+    """Return the page, once it shows what the robot knows."""
+    page = browser.new_page(**settings)
+    page.goto(run.url)
+    expect(page.locator("#connection")).to_have_text("Live.")
+    return page
+
+
+def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+    page.locator("#provide").get_by_label("To").select_option("Area 3")
+    page.get_by_role("button", name="Request a container").click()
+    expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
+    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open")
+
+    told = run.events("--kind", "knowledge")
+
+    assert re.search(r"order_1 node_inserted .*\"agent\":\"picker_page\"", told)
+    assert re.search(r"order_1\.kind written .*\"agent\":\"picker_page\".*\"value\":\"provide\"", told)
+    assert "order_1 -of_area-> supply edge_inserted" in told
+    assert "order_1 -to_area-> area_3 edge_inserted" in told
+
+
+def test_delivery_is_asked_for_and_the_robot_sets_out(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+    page.get_by_role("button", name="Ask for delivery").click()
+    navigating = page.locator("#tasks tr").filter(has_text="Navigating")
+    expect(navigating).to_contain_text("under way for picking")
+
+    told = run.events("--kind", "knowledge")
+
+    assert "order_1 -to_area-> delivery edge_inserted" in told
+    assert re.search(r"navigating wants .*\"agent\":\"picking\"", told)
+
+
+def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
+    page, other = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
+    full = page.get_by_role("button", name="Full")
+    full.focus()
+    page.keyboard.press("Enter")
+
+    expect(page.locator("#answer")).to_have_text("The container is marked full.")
+    for each in (page, other):
+        expect(each.get_by_role("button", name="Full")).to_have_attribute("aria-pressed", "true")
+    expect(full).to_be_focused()
+    assert re.search(
+        r"variable container_load identified .*\"value\":\"full\".*\"source\":\"picker_page\"", run.events()
+    )
+
+
+def test_what_is_missing_in_a_run_is_said_in_words(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+
+    expect(page.locator("#no-metrics")).to_have_text("No agent of this run works out metrics.")
+    expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
+    expect(page.locator("#no-orders")).to_be_visible()
+    expect(page.locator("#map-text")).to_contain_text("Robot (blue) at 8.2 m east, 2.0 m north")
+
+
+def test_a_person_reads_who_may_do_what_the_page_may_not(browser: Browser, tmp_path: Path) -> None:
+    text = (ROOT / "specs/store.yaml").read_text()
+    (tmp_path / "store.yaml").write_text(
+        text.replace(
+            "values: [empty, loading, full], source: picker_page", "values: [empty, loading, full], source: fork"
+        )
+    )
+    run = Run(tmp_path, "--pace", "real", spec="store.yaml")
+    why = "'robot.container_load' is for fork to write, not for 'picker_page'"
+    try:
+        page = opened(browser, run)
+        page.get_by_role("button", name="Full").click()
+        expect(page.locator("#problem")).to_have_text(f"Refused (picker_page): {why}")
+        expect(page.locator("#refusals")).to_contain_text(f"picker_page: {why}")
+        told = run.events("--kind", "knowledge", "--what", "refused")
+    finally:
+        run.kill()
+
+    assert "robot.container_load refused" in told
+    assert "is for fork to write" in told
+
+
+def test_a_page_of_a_run_that_has_ended_says_that_it_is_old(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+    assert run.interrupt()[0] == 130
+
+    expect(page.locator("#connection")).to_have_text("No connection: what you see is old. Trying again …")
+    page.get_by_role("button", name="Full").click()
+    expect(page.locator("#problem")).to_have_text("Not done: the robot's program does not answer.")
+
+
+def test_the_page_fits_any_screen_and_all_of_it_has_names(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+    for width in (320, 390, 1024, 1400):
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") == width
+        boxes = [each.bounding_box() for each in page.locator("button, select").all()]
+        assert all(box is not None and box["height"] >= 44 for box in boxes), "a thumb finds them"
+
+    unnamed = page.locator("select").evaluate_all("all => all.filter(each => each.labels.length === 0).length")
+    assert (len(boxes), unnamed) == (8, 0)
+
+
+def test_an_interrupted_run_leaves_a_whole_journal_that_replays(browser: Browser, tmp_path: Path) -> None:
+    run = Run(tmp_path, "--pace", "fast")
+    page = opened(browser, run)
+    page.get_by_role("button", name="Request a container").click()
+    expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
+    expect(page.locator("#orders")).to_contain_text("open")
+    assert run.interrupt() == (130, "", "")
+
+    done = codra("replay", str(run.journal), "--package", f"{ROOT}/generated/store", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout.split(":")[0]) == (0, "equal")
+
+
+def test_a_port_that_is_taken_is_told(run: Run, tmp_path: Path) -> None:
+    port = run.url.rstrip("/").rpartition(":")[2]
+
+    done = codra("run", STORE, "--world", "store", "--page", "--port", port, cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"codra: the page cannot be served at port {port}: Address already in use\n"
+
+
+# Without a page
+
+
+def test_a_run_in_the_store_prints_what_came_of_it(tmp_path: Path) -> None:
+    done = codra("run", STORE, "--world", "store", "--for", "3 min", cwd=tmp_path)
+
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("180.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--world", "store", "--naive"), "the store has no such option"),
+        (("--world", "lab", "--page"), "the lab has no such option"),
+        (("--world", "store", "--port", "8000"), "it is the port of --page"),
+    ],
+)
+def test_options_of_another_world_are_refused(options: tuple[str, ...], told: str, tmp_path: Path) -> None:
+    done = codra("run", STORE, *options, cwd=tmp_path)
+
+    assert done.returncode == 2
+    assert told in done.stderr
+
+
+def test_a_spec_for_something_else_is_told_what_the_store_needs(tmp_path: Path) -> None:
+    done = codra("run", str(ROOT / "specs/kitchen.yaml"), "--world", "store", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("codra: 'kitchen' does not run in the store: ")
