@@ -67,7 +67,8 @@ class InputModel:
     Attributes:
         variable: a context-variable: a rate and, in the second stage, a metric are such too.
         range: all that it can be; what it counts as while it is unknown.
-        members: of an enum, in the order in which the engine counts them from 0. False and true count as 0 and 1.
+        members: of an enum, in the order in which the engine counts them from 0; of a bool `("false", "true")`. While it
+            is unknown it is one of them, and nothing between.
         terms: the degree of each of its terms, for the chains of decisions.
     """
 
@@ -101,11 +102,14 @@ class StageRuleModel:
     Attributes:
         text: as the engine's `RULES` has it.
         concludes: the names of the outputs about which it says something.
+        reads: the variables of the inputs that it asks about: the evidence of an output is as old as the oldest of what
+            its rules read.
         place: in the spec, as `file:line`.
     """
 
     text: str
     concludes: tuple[str, ...]
+    reads: tuple[str, ...]
     place: str = ""
 
 

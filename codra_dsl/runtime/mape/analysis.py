@@ -1,0 +1,190 @@
+"""Analysis: from what is known to metrics, and from metrics to weights of actions (P2, sections 3.3 and 5.2).
+
+All of it is a function of a scene, so that it can be asked what would have been.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from codra_dsl.runtime.cell import BEFORE_ALL_S
+from codra_dsl.runtime.mape.declarations import InputModel, MapeModel, OutputModel, StageModel
+from codra_dsl.runtime.mape.fuzzy.bounds import UNKNOWN, BoundedInference, Bounds, is_finite, joined, refined
+from codra_dsl.runtime.mape.observations import Observation, Scene, number_of, possible
+
+MOST_BOXES = 64
+"""Into how many boxes the unknown inputs of a stage are cut at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Degree:
+    """With what degree an input is a term: bounds, that are one number if the input is known."""
+
+    variable: str
+    term: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fired:
+    """With what strength a rule acts: bounds, that are one number if what it reads is known."""
+
+    text: str
+    concludes: tuple[str, ...]
+    place: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """What an output comes to.
+
+    Attributes:
+        name: the metric, or the action.
+        bounds: all that it can be.
+        value: what counts: the worse end of the bounds; None if it is unknown.
+        evidence_s: of the oldest input that is known and that its rules read.
+    """
+
+    name: str
+    variable: str
+    bounds: Bounds
+    value: float | None
+    evidence_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """What one stage comes to.
+
+    Attributes:
+        inputs: what was read, in the engine's order.
+    """
+
+    inputs: tuple[Observation, ...] = ()
+    degrees: tuple[Degree, ...] = ()
+    rules: tuple[Fired, ...] = ()
+    outputs: tuple[Judged, ...] = ()
+
+    def value(self, name: str) -> float | None:
+        """Return what counts of an output."""
+        return next(each.value for each in self.outputs if each.name == name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assessment:
+    """What an analysis comes to.
+
+    Attributes:
+        scene: what was known, with the metrics.
+    """
+
+    scene: Scene
+    metrics: Stage = field(default_factory=Stage)
+    actions: Stage = field(default_factory=Stage)
+
+    def weights(self) -> dict[str, float | None]:
+        """Return the weight of each action."""
+        return {each.name: each.value for each in self.actions.outputs}
+
+
+def assess(model: MapeModel, scene: Scene, *, metrics: Mapping[str, float | None] | None = None) -> Assessment:
+    """Return the metrics and weights of a scene.
+
+    Args:
+        model: of the loops.
+        scene: all that the first stage reads, and what else the second one reads.
+        metrics: what some metrics are to count as in the second stage, whatever the first says.
+    """
+    first = Stage() if model.metrics is None else infer(model.metrics, scene)
+    judged = {each.variable: _observed(each) for each in first.outputs}
+    whole = {**scene, **judged}
+    for variable, value in (metrics or {}).items():
+        whole[variable] = Observation(variable=variable, value=value, evidence_s=whole[variable].evidence_s)
+    second = Stage() if model.actions is None else infer(model.actions, whole)
+    return Assessment(scene=whole, metrics=first, actions=second)
+
+
+def _observed(judged: Judged) -> Observation:
+    because = "no rule may act" if judged.value is None else ""
+    return Observation(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s, because=because)
+
+
+def infer(model: StageModel, scene: Scene) -> Stage:
+    """Return what a stage comes to."""
+    inputs = tuple(scene[each.variable] for each in model.inputs)
+    numbers = [number_of(each, seen.value) for each, seen in zip(model.inputs, inputs, strict=True)]
+    certain = model.infer(*numbers)
+    values = [Bounds(value, value) if value == value else UNKNOWN for value in certain.values]
+    strengths = [Bounds(strength, strength) for strength in certain.strengths]
+    unknown = {each.variable for each, number in zip(model.inputs, numbers, strict=True) if number != number}
+    if unknown:
+        _widen(model, numbers, unknown, values, strengths)
+    return Stage(
+        inputs=inputs,
+        degrees=tuple(_degrees(model.inputs, numbers)),
+        rules=tuple(
+            Fired(text=rule.text, concludes=rule.concludes, place=rule.place, low=found.low, high=found.high)
+            for rule, found in zip(model.rules, strengths, strict=True)
+        ),
+        outputs=tuple(_judged(model, each, found, scene) for each, found in zip(model.outputs, values, strict=True)),
+    )
+
+
+def _widen(
+    model: StageModel, numbers: Sequence[float], unknown: set[str], values: list[Bounds], strengths: list[Bounds]
+) -> None:
+    """Put bounds in the place of what an unknown input has a say in."""
+    found = _bounded(model, numbers)
+    for index, output in enumerate(model.outputs):
+        if unknown & _reads(model, output):
+            values[index] = found.values[index]
+    for index, rule in enumerate(model.rules):
+        if unknown & set(rule.reads):
+            strengths[index] = found.strengths[index]
+
+
+def _bounded(model: StageModel, numbers: Sequence[float]) -> BoundedInference:
+    """Return the union over all that the members of unknown inputs can be, and over pieces of unknown ranges."""
+    choices = [possible(each, number) for each, number in zip(model.inputs, numbers, strict=True)]
+    combinations = math.prod(map(len, choices))
+    open_ones = sum(1 for each in choices if len(each) == 1 and each[0].low < each[0].high and is_finite(each[0]))
+    most = max(1.0, MOST_BOXES / combinations)
+    pieces = max(1, min(model.pieces, int(most ** (1 / max(1, open_ones)) + 1e-9)))
+    boxes = (refined(model.infer_bounds, box, pieces=pieces) for box in itertools.product(*choices))
+    found = next(boxes)
+    for other in boxes:
+        found = BoundedInference(
+            values=tuple(map(joined, found.values, other.values)),
+            strengths=tuple(map(joined, found.strengths, other.strengths)),
+        )
+    return found
+
+
+def _reads(model: StageModel, output: OutputModel) -> set[str]:
+    return {variable for rule in model.rules if output.name in rule.concludes for variable in rule.reads}
+
+
+def _judged(model: StageModel, output: OutputModel, bounds: Bounds, scene: Scene) -> Judged:
+    worse = bounds.worse(output.worse)
+    seen = (scene[variable] for variable in _reads(model, output))
+    stamps = [each.evidence_s for each in seen if each.value is not None]
+    return Judged(
+        name=output.name,
+        variable=output.variable,
+        bounds=bounds,
+        value=worse if math.isfinite(worse) else None,
+        evidence_s=min(stamps, default=BEFORE_ALL_S),
+    )
+
+
+def _degrees(inputs: Sequence[InputModel], numbers: Sequence[float]) -> Iterator[Degree]:
+    for model, number in zip(inputs, numbers, strict=True):
+        for term, degree in model.terms.items():
+            low, high = (degree(number),) * 2 if number == number else (0.0, 1.0)
+            yield Degree(variable=model.variable, term=term, low=low, high=high)
