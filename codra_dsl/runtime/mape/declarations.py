@@ -67,8 +67,8 @@ class InputModel:
     Attributes:
         variable: a context-variable: a rate and, in the second stage, a metric are such too.
         range: all that it can be; what it counts as while it is unknown.
-        members: of an enum, in the order in which the engine counts them from 0; of a bool `("false", "true")`. While it
-            is unknown it is one of them, and nothing between.
+        members: of an enum, in the order in which the engine counts them from 0; of a bool `("false", "true")`. While
+            it is unknown it is one of them, and nothing between.
         terms: the degree of each of its terms, for the chains of decisions.
     """
 
