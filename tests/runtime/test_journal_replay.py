@@ -61,7 +61,7 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
     run_door(tmp_path / "run.mcap", loops=9, seed=5)
 
     found = assert_same(tmp_path / "run.mcap", MODEL)
-    assert set(found.derived) == set(Kind) - {Kind.INPUT, Kind.KNOWLEDGE}
+    assert set(found.derived) == set(Kind) - {Kind.INPUT, Kind.KNOWLEDGE, Kind.ADAPTATION}
 
 
 @pytest.mark.parametrize("absent", [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB}])
