@@ -40,7 +40,6 @@ class Decision:
     """
 
     instant_s: float
-    loop: str
     course: str
     action: str
     before: str
@@ -88,7 +87,7 @@ def urgent(model: MapeModel, course: CourseModel, standing: Standing, assessment
 
 
 def choose(
-    model: MapeModel, course: CourseModel, standing: Standing, assessment: Assessment, now_s: float, loop: str
+    model: MapeModel, course: CourseModel, standing: Standing, assessment: Assessment, now_s: float
 ) -> tuple[Standing, Decision | None, float]:
     """Choose the course of an instant.
 
@@ -109,7 +108,6 @@ def choose(
         return Standing(state=chosen.state, metrics=standing.metrics), None, chosen.due_s
     decision = Decision(
         instant_s=now_s,
-        loop=loop,
         course=course.name,
         action=chosen.state.action,
         before=standing.state.action,

@@ -8,7 +8,7 @@ decide.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -49,11 +49,21 @@ class Keeping:
     share: float
 
 
-def keeping(model: MapeModel, course: CourseModel, decision: Decision) -> tuple[Keeping, ...]:
-    """Return the smallest change of an input and that of a weight, the smaller first; none where none helps."""
+def keeping(
+    model: MapeModel, course: CourseModel, decision: Decision, more: Iterable[InputModel] = ()
+) -> tuple[Keeping, ...]:
+    """Return the smallest change of an input and that of a weight, the smaller first; none where none helps.
+
+    Args:
+        model: of the loops.
+        course: that was left.
+        decision: for another one.
+        more: inputs that hard rules read and no stage does.
+    """
     if not decision.before:
         return ()
-    inputs = [found for each in _inputs(model) for found in _of_input(model, course, decision, each)]
+    asked = {each.variable: each for each in (*more, *_inputs(model))}
+    inputs = [found for each in asked.values() for found in _of_input(model, course, decision, each)]
     weights = [] if decision.rule is not None else list(_of_weights(course, decision))
     smallest = [min(found, key=_share) for found in (inputs, weights) if found]
     return tuple(sorted(smallest, key=_share))

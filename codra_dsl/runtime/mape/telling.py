@@ -16,12 +16,12 @@ from codra_dsl.runtime.mape.observations import Observation
 Details = dict[str, Any]
 
 
-def chain_of(course: CourseModel, decision: Decision) -> Details:
+def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
     """Return the chain of a decision, from what was known to the action."""
     before = decision.chosen.before
     rule = decision.rule
     return _without_none(
-        loop=decision.loop,
+        loop=loop,
         variable=course.variable or None,
         action=decision.action,
         before=decision.before or None,
