@@ -114,14 +114,15 @@ class _Pens:
             self._agents[model.adapter] = codra.agent(model.adapter)
 
     def write(self, agent: str, written: Written, now_s: float) -> None:
-        """Write a variable, if it is not what was written last.
+        """Write a variable.
 
         The stamp never goes back, though an input with older evidence may have come in: newer evidence would stand.
         """
         known_s = now_s if written.evidence_s == BEFORE_ALL_S else written.evidence_s
         stamp_s = min(now_s, max(known_s, self._stamps_s.get(written.variable, -math.inf)))
         self._stamps_s[written.variable] = stamp_s
-        self._agents[agent].set(written.variable, written.value, evidence_s=stamp_s)
+        value = math.nan if written.value is None else written.value  # what is not a number is unknown
+        self._agents[agent].set(written.variable, value, evidence_s=stamp_s)
 
     def close(self) -> None:
         for agent in self._agents.values():
