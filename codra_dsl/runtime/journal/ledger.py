@@ -115,7 +115,8 @@ class Ledger:
             case Kind.KNOWLEDGE:
                 self.knowledge[event.name] = _with(self.knowledge.get(event.name, {}), event)
             case Kind.ADAPTATION:
-                for name in {event.name, str(event.details.get("variable", event.name))}:
+                about = {event.name, event.details.get("variable"), event.details.get("course")} - {None}
+                for name in sorted(about):
                     self.adaptations[name] = _with(self.adaptations.get(name, {}), event)
             case _:
                 pass

@@ -353,6 +353,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
             "failed": "an error; the loop goes on",
         },
         loop=_field("string", "The loop that did it."),
+        course=_field("string", "Of a branch, the course that it is a branch for."),
         agent=_field("string", "The agent that answers for it."),
         variable=_field("string", "The variable that holds the course or parameter; left out if none does."),
         action=_field("string", "The action that is the course now; of a branch, the one whose branch it is."),

@@ -142,7 +142,7 @@ class Execution:
         if not is_open:
             leaving.is_told = True
             details = {"action": leaving.action, "branch": leaving.branch, "result": leaving.result}
-            self._tell(self.model.name, "ended", {**details, "took_s": now_s - leaving.since_s})
+            self._tell(self.model.name, "ended", {**self._whose(), **details, "took_s": now_s - leaving.since_s})
         return True
 
     def _tell_overdue(self, leaving: _Leaving) -> None:
@@ -153,7 +153,10 @@ class Execution:
                 return
             leaving.is_told = True
         details = {"action": leaving.action, "branch": leaving.branch, "tasks": tasks}
-        self._tell(self.model.name, "overdue", {**details, "took_s": now_s - leaving.since_s})
+        self._tell(self.model.name, "overdue", {**self._whose(), **details, "took_s": now_s - leaving.since_s})
+
+    def _whose(self) -> dict[str, object]:
+        return {"course": self.model.course}
 
     def _open_tasks(self) -> list[str]:
         if self._knowledge is None or not self.model.tasks:

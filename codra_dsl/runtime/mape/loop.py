@@ -318,6 +318,9 @@ class Loop:
 
     def _tell(self, name: str, what: str, details: Mapping[str, object]) -> None:
         about = {"loop": self._loop.name, **details}
+        course = self.planning.courses.get(str(details.get("course", "")))
+        if course is not None:  # so that what becomes of its branch is found by the variable as well
+            about["variable"] = course.variable or None
         self._codra.inputs.adapt(self._model.adapter, name, what, plain(about))
 
 

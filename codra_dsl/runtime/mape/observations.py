@@ -101,7 +101,7 @@ def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observati
     slope = _slope(points) * model.factor
     if not math.isfinite(slope):
         return Observation(variable=model.variable, because=f"{model.of} is not finite")
-    return Observation(variable=model.variable, value=slope, evidence_s=points[-1][0])
+    return Observation(variable=model.variable, value=slope + 0.0, evidence_s=points[-1][0])
 
 
 def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
