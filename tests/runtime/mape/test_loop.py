@@ -397,3 +397,39 @@ def test_all_that_a_loop_tells_is_of_its_kind() -> None:
         "set",
         "stopped",
     }
+
+
+@pytest.mark.parametrize("period_s", [0.07, 0.5, 5.0])
+def test_how_often_a_loop_analyses_changes_no_decision(period_s: float) -> None:
+    def story(model: MapeModel) -> list[tuple[object, object, float]]:
+        shop = Shop(model)
+        shop.begin()
+        for index in range(30):
+            shop.pass_s(1.5, person=2.4 - 0.04 * index, battery=40.0 - index)
+        return [(event.details["action"], event.details["because"], event.instant_s) for event in shop.told("chosen")]
+
+    often = story(replace(MAPE, loops=(replace(MAPE.loops[0], period_s=period_s),)))
+    plain = story(MAPE)
+    assert [each[:2] for each in often] == [each[:2] for each in plain]
+    assert [each[2] for each in often] == pytest.approx([each[2] for each in plain], abs=1e-4)
+
+
+def test_two_loops_share_the_work() -> None:
+    analysing = replace(MAPE.loops[0], name="analysing", adapt=(), execute=())
+    acting = replace(MAPE.loops[0], name="acting", rates=(), analyse=())
+    shop = Shop(replace(MAPE, loops=(analysing, acting)))
+    shop.begin()
+    shop.pass_s(4.0, person=CLOSE_M)
+    assert (shop.course(), shop.codra.get("safety").value) == ("start", 0.5)
+    assert {event.details["loop"] for event in shop.told("chosen", "set", "ended")} == {"acting"}
+
+
+def test_a_course_chosen_again_before_the_old_branch_has_ended_goes_to_the_newest() -> None:
+    shop = stubborn(MAPE)
+    shop.begin()
+    shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
+    shop.tell(bumped=True)
+    shop.pass_s(0.5)
+    shop.tell(bumped=False, battery=3.0)
+    shop.pass_s(3.0, battery=3.0)
+    assert (shop.course(), shop.stage("to_start"), shop.stage("to_dock")) == ("dock", None, Stage.WANTS)
