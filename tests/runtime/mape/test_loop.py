@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,7 +15,7 @@ from codra_dsl.runtime.conditions import choose, value
 from codra_dsl.runtime.knowledge import AgentTakenError, Stage
 from codra_dsl.runtime.mape.declarations import MapeModel, Repeat
 from codra_dsl.runtime.mape.filters import Because
-from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Task, TreeError
+from codra_dsl.runtime.trees import Action, Entry, Leaf, Node, Ports, Result, Robot, Switch, Task, TreeError
 from tests.runtime.mape.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
 
 CLOSE_M, FAR_M = 1.0, 6.0
@@ -433,3 +434,41 @@ def test_a_course_chosen_again_before_the_old_branch_has_ended_goes_to_the_newes
     shop.tell(bumped=False, battery=3.0)
     shop.pass_s(3.0, battery=3.0)
     assert (shop.course(), shop.stage("to_start"), shop.stage("to_dock")) == ("dock", None, Stage.WANTS)
+
+
+def test_an_action_whose_halting_raises_does_not_keep_the_next_branch_from_beginning() -> None:
+    class Jammed(Stubborn):
+        def start(self, _: Ports) -> Result:
+            return Result.RUNNING
+
+        def halt(self, _: Ports) -> None:
+            raise OSError("the brake is jammed")
+
+    robot = Robot()
+    robot.can("deliver", partial(Jammed, Shop))
+    for name in ("start", "dock"):
+        robot.does(name, lambda _: Result.RUNNING)
+    shop = Shop(robot=robot)
+    shop.begin()
+    shop.pass_s(4.0, person=CLOSE_M)
+    assert [event.details["message"] for event in shop.told("failed")] == ["OSError: the brake is jammed"]
+    (ended,) = shop.told("ended")
+    assert (ended.details["result"], shop.mape.loop("store").trees["mission"].branch) == ("failed", "start")
+
+
+def test_a_tree_is_never_ticked_between_two_branches() -> None:
+    """So a switch on the course needs no case for the time between, and its default is a branch like the others."""
+    seen: list[str] = []
+
+    def mission() -> Node:
+        kind = Switch(Entry("course"), "start", "dock")
+        return Node("mission", kind, *(Node(name, Leaf(name)) for name in ("start", "dock", "deliver")))
+
+    robot = robot_that(**{name: lambda _, name=name: bool(seen.append(name)) or Result.RUNNING for name in CHOICES})
+    shop = Shop(replace(MAPE, trees=(replace(MISSION, build=mission),)), robot=robot)
+    shop.begin()
+    shop.tell(bumped=True)
+    shop.pass_s(1.0)
+    shop.tell(bumped=False, battery=3.0)
+    shop.pass_s(2.0, battery=3.0)
+    assert [name for name, _ in itertools.groupby(seen)] == ["deliver", "start", "dock"]
