@@ -66,10 +66,15 @@ class CheckedRate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedAdaptation:
-    """An adaptation; `python` has the conditions of its hard rules, or its value, in the words of the runtime."""
+    """An adaptation; `python` has the conditions of its hard rules, or its value, in the words of the runtime.
+
+    Attributes:
+        reads: the context-variables that they read, sorted.
+    """
 
     adaptation: Adaptation
     python: tuple[str, ...]
+    reads: tuple[str, ...]
 
     @property
     def name(self) -> str:

@@ -80,7 +80,11 @@ def _stage(book: RuleBook, section: str, outputs: tuple[Output, ...]) -> Checked
 def _input(book: RuleBook, variable: Variable) -> CheckedInput:
     low, high = range_of(variable) or (0.0, 0.0)
     return CheckedInput(
-        variable=variable, minimum=low, maximum=high, members=members(variable), terms=book.terms(variable)
+        variable=variable,
+        minimum=float(low),
+        maximum=float(high),
+        members=members(variable),
+        terms=book.terms(variable),
     )
 
 
@@ -128,7 +132,9 @@ def _adaptation(scope: Scope, adaptation: Adaptation) -> CheckedAdaptation:
         python: tuple[str, ...] = (scope.python(does.value, scope.context_types[does.variable.name]),)
     else:
         python = tuple(scope.python(rule.condition, None) for rule in does.always)
-    return CheckedAdaptation(adaptation=adaptation, python=python)
+    own = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
+    reads = sorted({each.name for site in own for each in site.names})
+    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
 
 
 def _tree(scope: Scope, tree: TreeElement) -> CheckedTree:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime.mape.fuzzy.bounds import BoundedInference, Bounds, End
@@ -22,20 +21,11 @@ Membership = Callable[[float], float]
 """The degree with which a number is a term."""
 
 
-class Infer(Protocol):
-    """The function `infer` of a compiled engine."""
+Infer = Callable[..., Inference]
+"""The function `infer` of a compiled engine: of as many numbers as it has inputs."""
 
-    def __call__(self, *inputs: float) -> Inference:
-        """Return what the engine comes to."""
-        ...
-
-
-class InferBounds(Protocol):
-    """The function `infer_bounds` of a compiled engine."""
-
-    def __call__(self, *inputs: Bounds) -> BoundedInference:
-        """Return what the engine can come to."""
-        ...
+InferBounds = Callable[..., BoundedInference]
+"""The function `infer_bounds` of a compiled engine: of as many bounds as it has inputs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
