@@ -12,11 +12,15 @@ from dataclasses import dataclass, field
 
 from codra_dsl.runtime.cell import BEFORE_ALL_S
 from codra_dsl.runtime.mape.declarations import InputModel, MapeModel, OutputModel, StageModel
-from codra_dsl.runtime.mape.fuzzy.bounds import UNKNOWN, BoundedInference, Bounds, is_finite, joined, refined
+from codra_dsl.runtime.mape.fuzzy.bounds import UNKNOWN, Bounds, is_finite, joined
 from codra_dsl.runtime.mape.observations import Observation, Scene, number_of, possible
 
-MOST_BOXES = 64
-"""Into how many boxes the unknown inputs of a stage are cut at most."""
+MOST_BOXES = 256
+"""How many boxes of its unknown inputs an output is asked about at most."""
+
+Box = tuple[Bounds, ...]
+
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,30 +144,85 @@ def _widen(
     model: StageModel, numbers: Sequence[float], unknown: set[str], values: list[Bounds], strengths: list[Bounds]
 ) -> None:
     """Put bounds in the place of what an unknown input has a say in."""
-    found = _bounded(model, numbers)
     for index, output in enumerate(model.outputs):
-        if unknown & _reads(model, output):
-            values[index] = found.values[index]
+        open_ones = unknown & _reads(model, output)
+        if open_ones:
+            values[index] = _Cutting(model, numbers, index, open_ones).bounds()
+    choices = [_hull(possible(each, number)) for each, number in zip(model.inputs, numbers, strict=True)]
+    found = model.infer_bounds(*choices).strengths
     for index, rule in enumerate(model.rules):
         if unknown & set(rule.reads):
-            strengths[index] = found.strengths[index]
+            strengths[index] = found[index]
 
 
-def _bounded(model: StageModel, numbers: Sequence[float]) -> BoundedInference:
-    """Return the union over all that the members of unknown inputs can be, and over pieces of unknown ranges."""
-    choices = [possible(each, number) for each, number in zip(model.inputs, numbers, strict=True)]
-    combinations = math.prod(map(len, choices))
-    open_ones = sum(1 for each in choices if len(each) == 1 and each[0].low < each[0].high and is_finite(each[0]))
-    most = max(1.0, MOST_BOXES / combinations)
-    pieces = max(1, min(model.pieces, int(most ** (1 / max(1, open_ones)) + 1e-9)))
-    boxes = (refined(model.infer_bounds, box, pieces=pieces) for box in itertools.product(*choices))
-    found = next(boxes)
-    for other in boxes:
-        found = BoundedInference(
-            values=tuple(map(joined, found.values, other.values)),
-            strengths=tuple(map(joined, found.strengths, other.strengths)),
-        )
-    return found
+class _Cutting:
+    """The bounds of one output: the union of those of boxes, into which its unknown inputs are cut.
+
+    In a box two mentions of one input count as two inputs, so that no rule may seem to act though one surely does.
+    Such a box is cut further, unless no rule acts in its middle.
+    """
+
+    def __init__(self, model: StageModel, numbers: Sequence[float], index: int, open_ones: set[str]) -> None:
+        self._model = model
+        self._index = index
+        self._ranges = [each.range.high - each.range.low for each in model.inputs]
+        self._is_open = [each.variable in open_ones and not each.members for each in model.inputs]
+        self._choices = [
+            possible(each, number) if each.variable in open_ones or number == number else (each.range,)
+            for each, number in zip(model.inputs, numbers, strict=True)
+        ]
+        self._left = MOST_BOXES
+
+    def bounds(self) -> Bounds:
+        """Return all that the output can be."""
+        found: Bounds | None = None
+        pending = list(self._boxes())
+        while pending:
+            box = pending.pop()
+            self._left -= 1
+            value = self._model.infer_bounds(*box).values[self._index]
+            halves = self._halves(box) if value.may_be_unknown and self._left > 0 else ()
+            pending.extend(halves)
+            if not halves:
+                found = value if found is None else joined(found, value)
+        assert found is not None
+        return found
+
+    def _boxes(self) -> Iterator[Box]:
+        """Yield the boxes to begin with: members apart, ranges in equal pieces."""
+        open_ones = sum(self._is_open)
+        most = max(1.0, MOST_BOXES / 4 / math.prod(map(len, self._choices)))
+        pieces = max(1, min(self._model.pieces, int(most ** (1 / max(1, open_ones)) + _ROUNDING)))
+        cut = [
+            tuple(part for choice in choices for part in _pieces(choice, pieces if is_open else 1))
+            for choices, is_open in zip(self._choices, self._is_open, strict=True)
+        ]
+        yield from itertools.product(*cut)
+
+    def _halves(self, box: Box) -> tuple[Box, ...]:
+        """Return both halves of a box along its longest side; none if no rule acts in its middle."""
+        middle = [each.low + (each.high - each.low) / 2.0 for each in box]
+        value = self._model.infer(*middle).values[self._index]
+        sides = [self._side(index, each) for index, each in enumerate(box)]
+        longest = max(range(len(box)), key=sides.__getitem__)
+        if value != value or sides[longest] <= 0.0:
+            return ()
+        parts = _pieces(box[longest], 2)
+        return tuple((*box[:longest], part, *box[longest + 1 :]) for part in parts)
+
+    def _side(self, index: int, bounds: Bounds) -> float:
+        return (bounds.high - bounds.low) / self._ranges[index] if self._is_open[index] and is_finite(bounds) else 0.0
+
+
+def _pieces(bounds: Bounds, pieces: int) -> tuple[Bounds, ...]:
+    if pieces == 1 or not (bounds.low < bounds.high and is_finite(bounds)):
+        return (bounds,)
+    ends = [bounds.low + (bounds.high - bounds.low) * index / pieces for index in range(pieces)] + [bounds.high]
+    return tuple(Bounds(low, max(low, high)) for low, high in itertools.pairwise(ends))
+
+
+def _hull(choices: Sequence[Bounds]) -> Bounds:
+    return Bounds(min(each.low for each in choices), max(each.high for each in choices))
 
 
 def _reads(model: StageModel, output: OutputModel) -> set[str]:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Self
 
 from codra_dsl.runtime.agents import Agent
@@ -198,6 +199,7 @@ class Loop:
             self._is_on = False
             if self._timer is not None:
                 self._timer.cancel()
+                self._timer = None
         if self._subscription is not None:
             self._subscription.unsubscribe()
         self._idle.wait(self._longest_abort_s())
@@ -239,14 +241,19 @@ class Loop:
             self._end(self._clock.now_s() + self._loop.period_s)
 
     def _round(self, _: Work) -> None:
+        due_s = self._clock.now_s() + self._loop.period_s
         try:
             due_s = self._run()
-        except Exception as error:  # a loop goes on whatever happens in one of its rounds
-            _LOGGER.exception("a round of the loop %r failed", self._loop.name)
+        finally:
+            self._end(due_s)
+
+    def _attempt(self, part: Callable[[], None]) -> None:
+        """Do a part of a round; the others are done whatever happens in it."""
+        try:
+            part()
+        except Exception as error:
+            _LOGGER.exception("a part of the loop %r failed", self._loop.name)
             self._tell(self._loop.name, "failed", {"message": f"{type(error).__name__}: {error}"})
-            due_s = self._clock.now_s() + self._loop.period_s
-            self._analysis_due_s = due_s
-        self._end(due_s)
 
     def _end(self, due_s: float) -> None:
         with self._lock:
@@ -264,10 +271,11 @@ class Loop:
             is_due = self._has_changed or self._clock.now_s() >= self._analysis_due_s
             self._has_changed = False
         if is_due:
-            self._analyse()
+            self._analysis_due_s = self._clock.now_s() + self._loop.period_s
+            self._attempt(self._analyse)
         for tree in self.trees.values():
             if self._clock.now_s() >= tree.due_s:
-                tree.tick()
+                self._attempt(tree.tick)
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
     def _analyse(self) -> None:
@@ -275,22 +283,22 @@ class Loop:
         plan = self.planning.plan(self._codra, now_s)
         self._analysis_due_s = min(now_s + self._loop.period_s, plan.due_s)
         for written in plan.analysed:
-            self._pens.write(self._model.analyst, written, now_s)
+            self._attempt(partial(self._pens.write, self._model.analyst, written, now_s))
         for decision in plan.decisions:
-            self._adapt(decision)
+            self._attempt(partial(self._adapt, decision))
         for setting in plan.settings:
-            self._set(setting)
+            self._attempt(partial(self._set, setting))
 
     def _adapt(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]
         now_s = decision.instant_s
         self._tell(course.name, "chosen", chain_of(self._loop.name, course, decision))
+        for tree in self.trees.values():
+            if tree.model.course == course.name:
+                self._attempt(partial(tree.choose, decision.action))
         if course.variable:
             written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
             self._pens.write(self._model.adapter, written, now_s)
-        for tree in self.trees.values():
-            if tree.model.course == course.name:
-                tree.choose(decision.action)
         if decision.before:
             found = keeping(self._model, course, decision, self.planning.asked_by_rules(course))
             about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}

@@ -5,6 +5,7 @@ The filter is left aside: a sweep asks what would weigh most, not when.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -100,9 +101,7 @@ def sweep(
     scene = {name: Observation(variable=name, value=value, evidence_s=0.0) for name, value in known.items()}
     asked = _Asked(model, course, scene, variable)
     rows = tuple(asked.row(value) for value in values)
-    switches = tuple(
-        asked.switch(one, other) for one, other in zip(rows, rows[1:], strict=False) if one.action != other.action
-    )
+    switches = tuple(asked.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action)
     return Sweep(variable=variable, rows=rows, switches=switches)
 
 
