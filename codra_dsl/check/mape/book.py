@@ -14,9 +14,9 @@ from codra_dsl.fuzzy.words import Defuzzification, Shape
 from codra_dsl.model import Inference, Kind, Output, Phrase, Spec, Variable
 
 _USUAL = (
-    Term(name="low", shape=Shape.Ramp, parameters=(0.5, 0.0)),
-    Term(name="medium", shape=Shape.Triangle, parameters=(0.0, 0.5, 1.0)),
-    Term(name="high", shape=Shape.Ramp, parameters=(0.5, 1.0)),
+    Term(name="low", shape=Shape.Ramp, parameters=(0.5, 0.2)),
+    Term(name="medium", shape=Shape.Triangle, parameters=(0.2, 0.5, 0.8)),
+    Term(name="high", shape=Shape.Ramp, parameters=(0.5, 0.8)),
 )
 _USUAL_NUMBERS = tuple(
     Term(name=name, shape=Shape.Constant, parameters=(value,))
