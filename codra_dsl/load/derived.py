@@ -49,6 +49,8 @@ def with_derived(spec: Spec, findings: Findings) -> Spec:
             _report(section, variable, other, findings)
     context = (*stated, *derived)
     named = {source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources}
+    sources = {source.name for variable in context for source in variable.sources}
+    named |= {ADAPTER} & sources if spec.adaptation or spec.damaged.get("adaptation") else set()
     agents = {agent.name for agent in spec.agents} | spec.damaged.get("agents", frozenset())
     writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in named - agents]
     origins |= {("agents", each.name): next(iter(spec.origins.values())) for each in writers}

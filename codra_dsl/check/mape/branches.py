@@ -140,7 +140,7 @@ def _unguarded(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
             if first != branch.entry:
                 message = f"branch '{id_.name}' asks entry '{branch.entry}', and others '{first}'"
                 yield _branch_finding(message, id_.place, path, "let all branches ask one entry")
-    if tree.course:
+    if tree.course and all(id_.name in known for _, id_ in tree.course):
         mapped = {id_.name for _, id_ in tree.course}
         for branch in guarded.values():
             if branch.tree not in mapped and branch.entry == entries.get("", branch.entry):

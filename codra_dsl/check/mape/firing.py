@@ -104,6 +104,8 @@ def idle_rules(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
         rules = [each.rule for each in read if each.rule is not None]
         if not faults.sound(section, output.name) or len(rules) < len(read) or not rules:
             continue
+        if any(each.problems for each in read):
+            continue
         scenes = list(_scenes(scope, faults, scope.book.named(section, output.name)))
         if not scenes:
             continue
@@ -111,9 +113,14 @@ def idle_rules(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
         yield from _uncovered(section, output, rules, scenes)
 
 
+_KEYS = ("type", "range", "values", "terms")
+
+
 def _scenes(scope: Scope, faults: Faults, names: tuple[str, ...]) -> Iterator[Scene]:
     variables = [scope.book.variables[name] for name in names]
     if any(range_of(each) is None or not faults.sound("context", each.name) for each in variables):
+        return
+    if not all(scope.readable("context", name, *_KEYS) for name in names):
         return
     found = [cells(each, scope.book.terms(each)) for each in variables]
     count = 1

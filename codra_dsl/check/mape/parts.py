@@ -15,9 +15,11 @@ from codra_dsl.model import Adaptation, Course, Loop, Output, Reference, TreeEle
 _SECTIONS = (("metrics", "analyse", "works out"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
 
 
-def parts_of_loops(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
+def parts_of_loops(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Every metric, adaptation and tree belongs to one loop."""
     if any(scope.lost(section) for section in ("metrics", "adaptation", "trees", "loops")):
+        return
+    if not all(faults.sound("loops", loop.name) for loop in scope.spec.loops):
         return
     elements: Mapping[str, tuple[Output | Adaptation | TreeElement, ...]] = {
         "metrics": scope.spec.metrics,
