@@ -9,6 +9,7 @@ from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.diagnostics import Diagnostic
 from codra_dsl.fuzzy.words import Shape
+from codra_dsl.load.mape import snake_case
 from codra_dsl.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
 from codra_dsl.units import ONE, UNITS, Unit, convert, parse_unit
 
@@ -19,7 +20,7 @@ def unfit_inputs(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """What a rule names is known to lie within a range; terms are of numbers."""
     for variable in scope.spec.context:
         if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
-            message = f"context-variable '{variable.name}' is {variable.type.kind} and has terms"
+            message = f"context-variable '{variable.name}' is no number and has terms"
             way_out = "leave them away: rules say 'is true', or 'is MEMBER'"
             place = variable.places.get("terms", variable.place)
             yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", way_out=way_out)
@@ -39,7 +40,9 @@ def unfit_outputs(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
         weighted = method.is_weighted
         constant = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
         if constant and not weighted:
-            message = f"term '{constant[0]}' of '{output.name}' is a number, and '{method}' takes shapes"
+            message = (
+                f"term '{constant[0]}' of '{output.name}' is a number, and '{snake_case(method.value)}' takes shapes"
+            )
             way_out = "write 'inference: takagi_sugeno', or give the term a shape"
         elif weighted and len(constant) < len(output_terms(output)):
             message = f"'{output.name}' adds up numbers, and not all of its terms are such"
@@ -56,7 +59,8 @@ def unfit_rates(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
         if variable.rate is None or not faults.sound("context", variable.name):
             continue
         of = scope.variables.get(variable.rate.of.name)
-        if of is None:
+        keys = ("type", "unit", "rate_of")
+        if of is None or not all(scope.readable("context", each.name, *keys) for each in (variable, of)):
             continue
         for message, way_out, key in _about_rate(variable, of):
             place = variable.places.get(key, variable.place)
@@ -121,12 +125,13 @@ def unfit_parameters(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
             yield finding("foreign-parameter", message, does.variable.place, path=path, way_out=way_out)
 
 
-def senseless_times(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
+def senseless_times(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """The numbers of an adaptation make sense together."""
     for adaptation in scope.spec.adaptation:
         does = adaptation.does
         for key, message, way_out in _about_times(does, adaptation.dwell_s) if isinstance(does, Course) else ():
-            if scope.readable("adaptation", adaptation.name, key):
+            whole = scope.readable("adaptation", adaptation.name, key, "choose")
+            if whole and faults.sound("adaptation", adaptation.name):
                 place = adaptation.places.get(key, adaptation.place)
                 path = f"adaptation.{adaptation.name}.{key}"
                 yield finding("senseless-filter", message, place, path=path, way_out=way_out)

@@ -12,12 +12,13 @@ from codra_dsl.diagnostics import Diagnostic, Related
 from codra_dsl.expression import reads_of
 from codra_dsl.model import Adaptation, Course, Loop, Output, Reference, TreeElement
 
+_KEYS = ("analyse", "adapt", "execute")
 _SECTIONS = (("metrics", "analyse", "works out"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
 
 
 def parts_of_loops(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Every metric, adaptation and tree belongs to one loop."""
-    if any(scope.lost(section) for section in ("metrics", "adaptation", "trees", "loops")):
+    if any(scope.lost(section) for section in ("metrics", "adaptation", "trees")) or scope.lost("loops", *_KEYS):
         return
     if not all(faults.sound("loops", loop.name) for loop in scope.spec.loops):
         return
@@ -66,9 +67,17 @@ def split_courses(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
             yield finding("two-loops", message, does.within.place, path=path, way_out=way_out)
 
 
+_READERS = {
+    "metrics": ("rules",),
+    "actions": ("rules",),
+    "adaptation": ("choose", "always", "value"),
+    "agents": ("reads",),
+}
+
+
 def unread_outputs(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Something reads every metric, and every action can be chosen."""
-    if any(scope.lost(section) for section in ("actions", "adaptation", "agents")):
+    if any(scope.lost(section, *keys) for section, keys in _READERS.items()):
         return
     read = {name for key in scope.book.rules for name in scope.book.named(*key)}
     read |= {mention.name for mention in references(scope)}
