@@ -29,6 +29,8 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use_math_for(["math.inf"] if kinds else [])
     knows = plan.checked.knowledge is not None
     imports.use(*(["TYPE_CHECKING"] if knows else []))
+    adapts = plan.checked.mape is not None
+    imports.use(*(["Leaves", "Mape"] if adapts else []))
     imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
     imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
     aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
@@ -45,6 +47,7 @@ def entry_text(plan: BuildPlan) -> str:
         class_name=plan.class_name,
         methods=list(methods(kinds)),
         knowledge=knowledge_class(plan.name) if knows else "",
+        adapts=adapts,
     )
 
 
@@ -113,6 +116,7 @@ def _local_imports(plan: BuildPlan) -> str:
     known = (
         [] if plan.checked.knowledge is None else [f"from .knowledge import KNOWLEDGE, {knowledge_class(plan.name)}"]
     )
+    known += [] if plan.checked.mape is None else ["from .mape import MAPE"]
     if not names:
         return "\n".join(known)
     plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
