@@ -103,9 +103,9 @@ class StageRuleModel:
     place: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageModel:
-    """One fuzzy engine, bound to variables.
+    """One fuzzy engine, bound to variables. It equals itself only, as its functions do.
 
     Attributes:
         infer: of numbers.
