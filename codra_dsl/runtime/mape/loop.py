@@ -22,9 +22,11 @@ from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.mape.execution import Execution
 from codra_dsl.runtime.mape.keeping import keeping
+from codra_dsl.runtime.mape.places import placed
 from codra_dsl.runtime.mape.planning import Planning, Setting, Written
 from codra_dsl.runtime.mape.telling import chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.names import unknown
+from codra_dsl.runtime.outline import package_folder, places_in
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.trees import Robot
 from codra_dsl.runtime.trees.node import Leaves
@@ -35,7 +37,11 @@ Manager = ContextManager[Any, Any]
 
 
 class Mape:
-    """All loops of a spec. Use it as a Python context manager, so that all trees are halted in the end."""
+    """All loops of a spec. Use it as a Python context manager, so that all trees are halted in the end.
+
+    Attributes:
+        model: what the spec says of them, with places.
+    """
 
     def __init__(self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | None = None) -> None:
         """Make the loops; nothing runs before `start`.
@@ -50,7 +56,7 @@ class Mape:
             TreeError: if the robot lacks an action.
             AgentTakenError: if somebody has the handle of the analyst or of the adapter.
         """
-        self.model = model
+        self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._pens = _Pens(codra, model)
         leaves = Robot() if robot is None else robot
         self._loops = {each.name: Loop(codra, model, each, clock, leaves, self._pens) for each in model.loops}
