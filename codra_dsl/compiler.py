@@ -19,6 +19,7 @@ from codra_dsl.output import RULES, digests
 from codra_dsl.plan import plan
 from codra_dsl.project import relative
 from codra_dsl.timings import UNTIMED, Timings
+from codra_dsl.trees.named import read_trees
 from codra_dsl.triage import Settings, read_sources, settings_of, triaged
 
 
@@ -126,7 +127,7 @@ def _planned(
     plans: list[BuildPlan] = []
     for spec, read in loaded:
         with timings.stage("check"):
-            checked, judged = check(spec) if spec is not None else (None, ())
+            checked, judged = check(spec, read_trees(spec, root)) if spec is not None else (None, ())
         diagnostics += (*read, *judged)
         specs += [spec] if spec is not None else []
         with timings.stage("plan"):

@@ -14,6 +14,7 @@ from codra_dsl.check import check
 from codra_dsl.diagnostics import in_file_order
 from codra_dsl.load import load_spec
 from codra_dsl.report.findings import render_full
+from codra_dsl.trees.named import read_trees
 
 CASES = Path(__file__).parent / "cases"
 
@@ -29,7 +30,7 @@ def all_findings(case: Path) -> str:
     path, root = (case / "spec.yaml", case) if case.is_dir() else (case, case.parent)
     spec, findings = load_spec(path, root)
     if spec is not None:
-        findings += check(spec)[1]
+        findings += check(spec, read_trees(spec, root))[1]
     return render_full(in_file_order(findings), lambda file: (root / file).read_text("utf-8", errors="replace"))
 
 

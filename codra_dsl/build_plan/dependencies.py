@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import chain
 
+from codra_dsl.build_plan.loops import loop_edges
 from codra_dsl.build_plan.values import Edge, EdgeKind, Node, NodeKind, Tree
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
 from codra_dsl.check.knowledge.checked import CheckedAgent, CheckedKnowledge
@@ -23,7 +24,12 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     skills = sorted(checked.spec.skills, key=lambda skill: skill.name)
     parts = chain(map(_runs, trees), map(_perceives, algorithms), map(_decides, skills))
     known = [] if checked.knowledge is None else list(_known(checked.knowledge))
-    return (*known, *chain.from_iterable(parts))
+    found = (*known, *chain.from_iterable(parts))
+    return found if checked.mape is None else tuple(sorted({*found, *loop_edges(checked.mape)}, key=_in_order))
+
+
+def _in_order(edge: Edge) -> tuple[Node, EdgeKind, Node]:
+    return edge.source, edge.kind, edge.target
 
 
 def _runs(tree: Tree) -> list[Edge]:

@@ -29,6 +29,12 @@ ENTRY_NAMES = frozenset(
 KNOWLEDGE_MODULE = "knowledge"
 """The module of what a spec says of knowledge and agents."""
 
+MAPE_MODULE = "mape"
+"""The module of what a spec says of loops."""
+
+METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
+"""The modules of the two fuzzy engines of loops."""
+
 
 # Written out, since Python's own lists grow from version to version and with what `site` adds.
 _PYTHONS_WORDS = """
@@ -68,8 +74,19 @@ def knowledge_class(name: str) -> str:
 
 
 def entry_names(spec: Spec) -> frozenset[str]:
-    """Return what the entry of a spec's package takes for itself: more where the spec says something of knowledge."""
-    return ENTRY_NAMES | {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)} if spec.knows else ENTRY_NAMES
+    """Return what the entry of a spec's package takes for itself: more for knowledge and loops."""
+    taken = ENTRY_NAMES
+    if spec.knows:
+        taken |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
+    if spec.adapts:
+        taken |= {MAPE_MODULE, "MAPE", "Mape", "Leaves", "loops", METRIC_ENGINE, ACTION_ENGINE}
+        taken |= {tree_module_name(tree.name) for tree in spec.trees}
+    return taken
+
+
+def tree_module_name(name: str) -> str:
+    """Return the Python name of the module of a behaviour tree."""
+    return f"tree_{name.lower()}"
 
 
 def camel_case(name: str) -> str:

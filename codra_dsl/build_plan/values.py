@@ -25,6 +25,11 @@ class EdgeKind(StrEnum):
     EXECUTES = "executes"
     LEADS_FROM = "leads_from"
     LEADS_TO = "leads_to"
+    WEIGHS = "weighs"
+    SWITCHES = "switches"
+    SETS = "sets"
+    ANALYSES = "analyses"
+    ADAPTS = "adapts"
 
 
 class NodeKind(StrEnum):
@@ -38,6 +43,11 @@ class NodeKind(StrEnum):
     TYPE = "type"
     EDGE = "edge"
     TASK = "task"
+    METRIC = "metric"
+    ACTION = "action"
+    ADAPTATION = "adaptation"
+    TREE = "tree"
+    LOOP = "loop"
 
 
 class Node(NamedTuple):

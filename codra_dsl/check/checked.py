@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from codra_dsl.check.knowledge.checked import CheckedKnowledge
+from codra_dsl.check.mape.checked import CheckedMape
 from codra_dsl.diagnostics import Place
 from codra_dsl.model import Algorithm, Spec, Variable
 
@@ -84,7 +85,7 @@ class CheckedSpec:
         decisions: the variables that Algorithm 2 starts from (its line 3), in order: what skills preview and monitor,
             or every variable that has an algorithm where no skill is declared.
         expectations: by skill, what it expects of what it monitors.
-        knowledge: None where the spec says nothing of it.
+        knowledge: None where the spec says nothing of it; likewise `mape`, its loops.
     """
 
     spec: Spec
@@ -94,3 +95,4 @@ class CheckedSpec:
     decisions: tuple[str, ...]
     expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)
     knowledge: CheckedKnowledge | None = None
+    mape: CheckedMape | None = None

@@ -9,7 +9,19 @@ from enum import StrEnum
 from codra_dsl.check.lowering import lower
 from codra_dsl.check.types import Problem, Type, Typed, Types, fit, infer, infer_condition
 from codra_dsl.expression import Call, Name, Node, Path, walk
-from codra_dsl.model import Agent, Algorithm, Condition, Hysteresis, Identification, Kind, Members, Skill, Spec
+from codra_dsl.model import (
+    Adaptation,
+    Agent,
+    Algorithm,
+    Condition,
+    Hysteresis,
+    Identification,
+    Kind,
+    Members,
+    Parameter,
+    Skill,
+    Spec,
+)
 
 
 class Role(StrEnum):
@@ -23,12 +35,17 @@ class Role(StrEnum):
     BEFORE = "before"
     DURING = "during"
     AFTER = "after"
+    VALUE = "value"
+    ALWAYS = "always"
 
 
 OVER_KNOWLEDGE = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
 """Conditions in patterns: they see context and all other knowledge."""
 
-OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE})
+OF_LOOPS = frozenset({Role.VALUE, Role.ALWAYS})
+"""Conditions of adaptations."""
+
+OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE, *OF_LOOPS})
 """Conditions that see context."""
 
 
@@ -87,6 +104,7 @@ def sites(spec: Spec) -> Iterator[Site]:
         *map(surveyor.of_algorithm, spec.perception),
         *map(surveyor.of_skill, spec.skills),
         *map(surveyor.of_agent, spec.agents),
+        *map(surveyor.of_adaptation, spec.adaptation),
     )
     return (site for sites in found for site in sites if site is not None)
 
@@ -124,6 +142,13 @@ class _Surveyor:
             for role, patterns in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
                 found += [self._pattern(role, owner, pattern, rule.name) for pattern in patterns]
         return found
+
+    def of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
+        """Return what an adaptation sets a variable to, or the conditions of its hard rules."""
+        owner, does = ("adaptation", adaptation.name), adaptation.does
+        if isinstance(does, Parameter):
+            return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
+        return [self._site(Role.ALWAYS, owner, rule.condition) for rule in does.always]
 
     def _pattern(self, role: Role, owner: tuple[str, str], pattern: Condition, rule: str = "") -> Site | None:
         site = None if isinstance(pattern.tree, Path) else self._site(role, owner, pattern)

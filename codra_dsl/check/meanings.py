@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from codra_dsl.check.conditions import Site
 from codra_dsl.check.fixes import member as member_fix
 from codra_dsl.check.rules import finding
-from codra_dsl.check.scope import USERS, Faults, Scope
+from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.check.types import Problem
+from codra_dsl.check.words import USERS
 from codra_dsl.diagnostics import Diagnostic, Place, Related, suggest
 from codra_dsl.expression import Text
 from codra_dsl.model import Access, Algorithm, Hysteresis, Identification, Kind, Members, Usage, ValueType, Variable

@@ -9,7 +9,8 @@ from codra_dsl.check.conditions import Result, Role, Site
 from codra_dsl.check.meant import Owner
 from codra_dsl.check.outcomes import links
 from codra_dsl.check.rules import finding
-from codra_dsl.check.scope import MAX_SUGGESTIONS, USERS, Scope
+from codra_dsl.check.scope import MAX_SUGGESTIONS, Scope
+from codra_dsl.check.words import USERS
 from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, replacing, suggest
 from codra_dsl.expression import Choice, Name, Node, Text, walk
 from codra_dsl.load.misspelt import misspelt_declarations

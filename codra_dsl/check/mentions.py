@@ -6,10 +6,11 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from codra_dsl.check.conditions import OVER_CONTEXT, Site
-from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, USERS, Scope
+from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, Scope
+from codra_dsl.check.words import USERS
 from codra_dsl.diagnostics import Place
 from codra_dsl.expression import Name, is_name
-from codra_dsl.model import Reference, Writer
+from codra_dsl.model import Parameter, Reference, Writer
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,12 @@ def references(scope: Scope) -> Iterator[Mention]:
             yield mention_of(reference, "perception", algorithm.name, "given")
         for entry in algorithm.identifies:
             yield mention_of(entry.variable, "perception", algorithm.name, "identifies")
+    for variable in scope.spec.context:
+        if variable.rate is not None:
+            yield mention_of(variable.rate.of, "context", variable.name, "rate_of")
+    for adaptation in scope.spec.adaptation:
+        if isinstance(adaptation.does, Parameter):
+            yield mention_of(adaptation.does.variable, "adaptation", adaptation.name, "set")
     for skill in scope.spec.skills:
         watched = [expectation.variable for expectation in skill.monitor]
         for key, named in (("preview", skill.preview), ("monitor", watched), ("changes", skill.changes)):

@@ -21,7 +21,8 @@ from codra_dsl.check.mentions import (
 )
 from codra_dsl.check.misspelt import blame, blamed
 from codra_dsl.check.rules import finding
-from codra_dsl.check.scope import MAIN_EXECUTION, NOUNS, OBSERVER, Faults, Scope
+from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, Faults, Scope
+from codra_dsl.check.words import NOUNS
 from codra_dsl.diagnostics import Diagnostic, Fix, Place, Related, is_slip
 from codra_dsl.load.names import is_identifier
 from codra_dsl.load.templates import INSTANCE

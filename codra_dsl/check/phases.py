@@ -5,7 +5,7 @@ What one phase found wrong silences later phases about that element only, so tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
 from codra_dsl.check.conditions import parts_of
@@ -20,6 +20,12 @@ from codra_dsl.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.check.knowledge.owners import OWNERS
 from codra_dsl.check.knowledge.triplets import TRIPLETS
 from codra_dsl.check.lowering import python_text
+from codra_dsl.check.mape.branches import BRANCHES, TREE_FILES
+from codra_dsl.check.mape.firing import FIRING
+from codra_dsl.check.mape.inputs import LOOP_TYPES
+from codra_dsl.check.mape.lowered import checked_mape
+from codra_dsl.check.mape.names import LOOP_NAMES
+from codra_dsl.check.mape.parts import LOOP_LEFTOVERS, LOOP_PARTS
 from codra_dsl.check.meanings import TYPES
 from codra_dsl.check.meant import read_as_meant
 from codra_dsl.check.members import members_to_blame
@@ -31,26 +37,32 @@ from codra_dsl.check.types import Type
 from codra_dsl.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
 from codra_dsl.expression import Name
 from codra_dsl.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
+from codra_dsl.trees.named import UNREAD, Read
 
 Rule = Callable[[Scope, Faults], Iterator[Diagnostic]]
 
+NO_TREES: Mapping[str, Read] = {}
+"""Of a spec that names no trees."""
+
 PHASES: tuple[tuple[Rule, ...], ...] = (
-    (*NAMES, *KNOWLEDGE_NAMES),
+    (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
     (*SOURCES, *OWNERS),
-    (*TYPES, *KNOWLEDGE_TYPES),
-    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS),
-    (*QUALITY, *KNOWLEDGE_LEFTOVERS),
+    (*TYPES, *KNOWLEDGE_TYPES, *LOOP_TYPES),
+    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *FIRING, *LOOP_LEFTOVERS),
 )
 """The rules of each phase."""
 
 
-def check(spec: Spec) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
+def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
     """Return a spec that can be planned, unless it has a binding error, and all findings about it in file order.
+
+    `forests` has what `codra_dsl.trees.named.read_trees` read of the trees that the spec names.
 
     Keys that `load` found damaged are neither judged nor held against others; a spec that has some is never returned,
     though what they are about may be all that is wrong with it. Names that are misspelt are read as they are meant.
     """
-    scope = Scope(spec)
+    scope = Scope(spec, forests)
     faults = Faults()
     findings: list[Diagnostic] = []
     for phase in PHASES:
@@ -60,9 +72,9 @@ def check(spec: Spec) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
         findings += found
         faults = Faults(faults.elements | _elements(found), scope.meant)
         if scope.meant_names:
-            scope = Scope(read_as_meant(scope.spec, scope.meant_names))
+            scope = Scope(read_as_meant(scope.spec, scope.meant_names), forests)
     found_in_order = in_file_order(once_per_template(findings))
-    damaged = any(spec.damaged.values())
+    damaged = any(spec.damaged.values()) or any(forests.get(each.name, UNREAD)[0] is None for each in spec.trees)
     return (None if damaged or has_binding_errors(findings) else _checked(scope)), found_in_order
 
 
@@ -73,7 +85,7 @@ def _with_members_as_meant(
     blamed = list(members_to_blame(scope))
     if not blamed:
         return scope, found
-    mended = Scope(read_as_meant(scope.spec, scope.meant_names))
+    mended = Scope(read_as_meant(scope.spec, scope.meant_names), scope.forests)
     return mended, blamed + [diagnostic for rule in phase for diagnostic in rule(mended, faults)]
 
 
@@ -98,6 +110,7 @@ def _checked(scope: Scope) -> CheckedSpec:
         decisions=scope.decisions,
         expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
         knowledge=checked_knowledge(scope),
+        mape=checked_mape(scope),
     )
 
 

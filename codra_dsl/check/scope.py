@@ -9,10 +9,12 @@ from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl import graph
-from codra_dsl.check.conditions import OVER_KNOWLEDGE, Judgement, Role, Site, judge, parts_of, sites
+from codra_dsl.check.conditions import OF_LOOPS, OVER_KNOWLEDGE, Judgement, Role, Site, judge, parts_of, sites
 from codra_dsl.check.knowledge.world import World
+from codra_dsl.check.mape.book import RuleBook
 from codra_dsl.check.meant import Meant
 from codra_dsl.check.types import Type, Types, declared_type
+from codra_dsl.check.words import NOUNS
 from codra_dsl.diagnostics import suggest
 from codra_dsl.expression import Name, Text, walk
 from codra_dsl.load.misspelt import Vocabulary
@@ -30,6 +32,7 @@ from codra_dsl.model import (
     Spec,
     Variable,
 )
+from codra_dsl.trees.named import Read
 
 Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, Agent)
 
@@ -47,34 +50,6 @@ TYPE_KEYS = ("type", "unit", "values")
 
 NEED_KEYS = ("observable_when", "given")
 """The keys that say what an algorithm needs."""
-
-NOUNS: Mapping[str, str] = {
-    "context": "a context-variable",
-    "resources": "a resource",
-    "agents": "an agent",
-    "types": "a type of nodes",
-    "nodes": "a node",
-    "edges": "an edge",
-    "tasks": "a task",
-    "skills": "a skill",
-    "perception": "a perception algorithm",
-    "observers": "an observer",
-}
-"""What the names of each section are, in messages."""
-
-USERS: Mapping[str, str] = {
-    "context": "context-variable",
-    "resources": "resource",
-    "agents": "agent",
-    "types": "type",
-    "nodes": "node",
-    "edges": "edge",
-    "tasks": "task",
-    "skills": "skill",
-    "perception": "algorithm",
-    "observers": "observer",
-}
-"""The same before a name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +98,12 @@ class Scope:
     """A spec with its names and conditions in tables. Each table is made when it is first asked for.
 
     Attributes:
+        forests: the trees that the spec names, as their files say.
         meant_names: what misspelt names mean, as it is found out.
     """
 
     spec: Spec
+    forests: Mapping[str, Read] = field(default_factory=dict, compare=False)
     meant_names: Meant = field(default_factory=Meant, compare=False)
     _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
     _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
@@ -156,6 +133,11 @@ class Scope:
     def world(self) -> World:
         """The knowledge graph."""
         return World(self.spec)
+
+    @cached_property
+    def book(self) -> RuleBook:
+        """The fuzzy rules."""
+        return RuleBook(self.spec)
 
     @cached_property
     def producers(self) -> Mapping[str, tuple[str, ...]]:
@@ -208,6 +190,11 @@ class Scope:
             "skills": frozenset(skill.name for skill in self.spec.skills),
             "perception": frozenset(self.algorithms),
             "observers": frozenset(observer.name for observer in self.spec.observers),
+            "metrics": frozenset(metric.name for metric in self.spec.metrics),
+            "actions": frozenset(action.name for action in self.spec.actions),
+            "adaptation": frozenset(each.name for each in self.spec.adaptation),
+            "trees": frozenset(tree.name for tree in self.spec.trees),
+            "loops": frozenset(loop.name for loop in self.spec.loops),
         }
 
     def names(self, section: str) -> frozenset[str]:
@@ -451,7 +438,7 @@ class Scope:
         tree = site.condition.tree
         assert tree is not None
         wanted = self.wanted(site)
-        if site.role is Role.OBSERVABLE_WHEN:
+        if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
             seen = self.context_types
         elif site.role in OVER_KNOWLEDGE:
             seen = {

@@ -8,6 +8,7 @@ from codra_dsl.build_plan import BuildPlan
 from codra_dsl.build_plan.names import KNOWLEDGE_MODULE
 from codra_dsl.emit.entry import entry_text
 from codra_dsl.emit.knowledge import knowledge_text
+from codra_dsl.emit.mape import mape_texts
 from codra_dsl.emit.modules import module_texts
 from codra_dsl.emit.records import SOURCES, graph_text, manifest_text, sources_text
 from codra_dsl.emit.rendering import render
@@ -28,6 +29,8 @@ def emit(plan: BuildPlan) -> Mapping[str, str]:
     }
     if plan.checked.knowledge is not None:
         outputs[f"{KNOWLEDGE_MODULE}.py"] = knowledge_text(plan, plan.checked.knowledge)
+    if plan.checked.mape is not None:
+        outputs |= dict(mape_texts(plan, plan.checked.mape))
     outputs["manifest.json"] = manifest_text(plan, outputs)
     outputs[SOURCES] = sources_text(plan)
     return {f"{plan.name}/{path}": outputs[path] for path in sorted(outputs)}

@@ -136,7 +136,9 @@ def told_fields(
 ) -> dict[str, Expression]:
     """Return the fields that differ from what the runtime takes for granted; say what they import."""
     imports.use(model)
-    told = {name: value for name, value in fields.items() if _on_one_line(value) != defaults.get(name)}
+    told = {
+        name: value for name, value in fields.items() if name not in defaults or _on_one_line(value) != defaults[name]
+    }
     imports.use_math_for(told.values())
     return told
 

@@ -31,6 +31,8 @@ def entry_text(plan: BuildPlan) -> str:
     imports.use_math_for(["math.inf"] if kinds else [])
     imports.use(*(["TYPE_CHECKING"] if knowledge is not None else []))
     agents = [] if knowledge is None else list(_agents(knowledge, imports))
+    adapts = plan.checked.mape is not None
+    imports.use(*(["Leaves", "Mape"] if adapts else []))
     imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
     imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
     aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
@@ -48,6 +50,7 @@ def entry_text(plan: BuildPlan) -> str:
         methods=list(methods(kinds)),
         knowledge=knowledge_class(plan.name) if knowledge is not None else "",
         agents=agents,
+        adapts=adapts,
     )
 
 
@@ -138,6 +141,7 @@ def _local_imports(plan: BuildPlan) -> str:
     known = []
     if plan.checked.knowledge is not None:
         known = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handles(plan)])]
+    known += [] if plan.checked.mape is None else ["from .mape import MAPE"]
     if not names:
         return "\n".join(known)
     plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"

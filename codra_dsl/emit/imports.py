@@ -36,6 +36,14 @@ _HOMES: Mapping[str, Iterable[str]] = {
         *["absent", "anything", "backward", "by", "path", "ranked", "some"],
         *POSES,
     ],
+    "codra_dsl.runtime.mape.declarations": [
+        *["CourseModel", "HardRuleModel", "InputModel", "LoopModel", "MapeModel", "OutputModel", "ParameterModel"],
+        *["RateModel", "Repeat", "StageModel", "StageRuleModel", "TreeModel"],
+    ],
+    "codra_dsl.runtime.mape.fuzzy": ["terms"],
+    "codra_dsl.runtime.mape.fuzzy.bounds": ["Bounds", "End"],
+    "codra_dsl.runtime.mape.loop": ["Mape"],
+    "codra_dsl.runtime.trees.node": ["Leaves"],
     "codra_dsl.runtime.model": [
         *[
             "Algorithm",

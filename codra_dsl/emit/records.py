@@ -16,8 +16,10 @@ from typing import Any
 
 from codra_dsl import __version__
 from codra_dsl.build_plan import BuildPlan, Edge, Node, NodeKind
+from codra_dsl.check import CheckedSpec
 from codra_dsl.diagnostics import Place, Span
 from codra_dsl.emit.known import about_variable, known_nodes, known_places, node_id
+from codra_dsl.emit.looping import loop_nodes, loop_places
 from codra_dsl.model import Agent, Algorithm, Variable
 from codra_dsl.project import MANIFEST_FORMAT
 
@@ -27,8 +29,8 @@ FORMAT_VERSION = 1
 
 # Where something stands and how it was parsed is no part of what a spec means.
 _NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
-# How agents take part in knowledge is told with what is declared of that.
-_TOLD_APART = frozenset({(Agent, "conduct")})
+# How agents take part in knowledge is told with what is declared of that, and so are the terms of loops.
+_TOLD_APART = frozenset({(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived"))})
 # An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 
@@ -48,6 +50,8 @@ def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
         yield Node(NodeKind.SKILL, skill.name), {"label": skill.name}
     if checked.knowledge is not None:
         yield from known_nodes(plan, checked.knowledge)
+    if checked.mape is not None:
+        yield from loop_nodes(plan, checked.mape)
 
 
 def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
@@ -121,6 +125,8 @@ def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
         yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
     if plan.checked.knowledge is not None:
         yield from known_places(plan, plan.checked.knowledge)
+    if plan.checked.mape is not None:
+        yield from loop_places(plan, plan.checked.mape)
 
 
 def _where(place: Place) -> str:
@@ -181,7 +187,16 @@ def model_digest(plan: BuildPlan) -> str:
         spec.agents,
     )
     known = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
-    return _digest(_meaning((*meant, *known) if spec.knows else meant))
+    told = (*meant, *known) if spec.knows else meant
+    return _digest(_meaning((*told, *_looping(checked)) if checked.mape is not None else told))
+
+
+def _looping(checked: CheckedSpec) -> tuple[object, ...]:
+    """Return what a spec means by its loops, its trees as their files say."""
+    spec = checked.spec
+    words = tuple((variable.terms, variable.rate) for variable in spec.context)
+    trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()
+    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, words, trees)
 
 
 def _meaning(value: Any) -> str:

@@ -110,18 +110,21 @@ class _Reader:
             what = "variable" if side is Side.ANTECEDENT else "output"
             self.findings.unknown("fll-unknown-name", what, variable, variables)
         self.expect("is")
+        return self.described(variable.text, variables.get(variable.text), side)
+
+    def described(self, variable: str, terms: frozenset[str] | None, side: Side) -> Proposition:
+        """Read what a variable is: `hedges term`."""
         hedges: list[Hedge] = []
         while self.peek() in _HEDGES:
             hedges.append(Hedge(self.take().text))
             if side is Side.ANTECEDENT and hedges[-1] is Hedge.ANY:
-                return Proposition(variable=variable.text, hedges=tuple(hedges))
+                return Proposition(variable=variable, hedges=tuple(hedges))
         term = self.take()
         if term.text in KEYWORDS or term.text in "()":
             self.fail(f"expected a term, found {shown(term.text)}", term, "write a term before it")
-        terms = variables.get(variable.text)
         if terms is not None and term.text not in terms:
-            self.findings.unknown("fll-unknown-name", f"term of '{variable.text}'", term, terms | _HEDGES)
-        return Proposition(variable=variable.text, term=term.text, hedges=tuple(hedges))
+            self.findings.unknown("fll-unknown-name", f"term of '{variable}'", term, terms | _HEDGES)
+        return Proposition(variable=variable, term=term.text, hedges=tuple(hedges))
 
     def conclusions(self) -> tuple[Proposition, ...]:
         """Read what follows `then`."""
@@ -156,5 +159,26 @@ def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings)
         antecedent = reader.either()
         reader.expect("then")
         return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
+    except _Wrong:
+        return None
+
+
+def parse_rule_about(
+    text: Word, all_terms: Names, output: str, terms: frozenset[str], findings: Findings
+) -> Rule | None:
+    """Return a rule about one output, `if ANTECEDENT then HEDGES TERM`; `output is` may stand before what it concludes.
+
+    It is None after a finding that leaves no rule; unknown names are reported and kept.
+    """
+    reader = _Reader(list(split(text, _TOKEN)), text, all_terms, {output: terms}, findings)
+    try:
+        reader.expect("if")
+        antecedent = reader.either()
+        reader.expect("then")
+        if reader.peek() == output:
+            reader.take()
+            reader.expect("is")
+        conclusion = reader.described(output, terms, Side.CONSEQUENT)
+        return Rule(antecedent=antecedent, conclusions=(conclusion,), weight=reader.weight())
     except _Wrong:
         return None

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.conditions import read_condition, read_conditions, whole_items
+from codra_dsl.load.mape import read_rate, read_terms
 from codra_dsl.load.monitor import read_expectation
 from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, ScalarNode, YamlNode
@@ -59,6 +60,8 @@ def build_variable(reader: Reader) -> Variable:
         refresh=reader.choice("refresh", Refresh.PERIODIC),
         history=reader.number("history", 100),
         node=reader.text("of", "context"),
+        terms=read_terms(reader) if "terms" in reader.node.entries else (),
+        rate=read_rate(reader),
         places=reader.places(),
     )
 

@@ -22,10 +22,13 @@ VERSION = 1
 KNOWLEDGE = ("types", "nodes", "edges", "tasks")
 """The sections that stand together under `knowledge`."""
 
-KEYS = ("context", "resources", "knowledge", "agents", "perception", "skills", "observers")
+MAPE = ("metrics", "actions", "adaptation", "trees", "loops")
+"""The sections of MAPE-K loops."""
+
+KEYS = ("context", "resources", "knowledge", "agents", "perception", "skills", "observers", *MAPE)
 """The keys of a file under which elements stand; a template may have each of them."""
 
-SECTIONS = ("context", "resources", *KNOWLEDGE, "agents", "perception", "skills", "observers")
+SECTIONS = ("context", "resources", *KNOWLEDGE, "agents", "perception", "skills", "observers", *MAPE)
 """The sections that hold elements."""
 
 

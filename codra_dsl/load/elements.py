@@ -17,6 +17,7 @@ from codra_dsl.load.build import (
 from codra_dsl.load.document import SECTIONS
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.knowledge import as_mapping, build_agent, build_edge, build_node, build_node_type, build_task
+from codra_dsl.load.mape import build_action, build_adaptation, build_loop, build_metric, build_tree
 from codra_dsl.load.names import check_name
 from codra_dsl.load.nodes import MappingNode, YamlNode
 from codra_dsl.load.origin import NOUNS, Origin, Subject
@@ -37,6 +38,11 @@ _BUILDERS: Mapping[str, Callable[[Reader], Any]] = {
     "nodes": build_node,
     "edges": build_edge,
     "tasks": build_task,
+    "metrics": build_metric,
+    "actions": build_action,
+    "adaptation": build_adaptation,
+    "trees": build_tree,
+    "loops": build_loop,
 }
 
 _NONE: Mapping[str, frozenset[str]] = {}

@@ -21,6 +21,11 @@ NOUNS = {
     "nodes": "node",
     "edges": "edge",
     "tasks": "task",
+    "metrics": "metric",
+    "actions": "action",
+    "adaptation": "adaptation",
+    "trees": "tree",
+    "loops": "loop",
     "templates": "template",
     "use": "use",
 }

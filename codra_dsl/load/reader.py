@@ -18,7 +18,7 @@ from codra_dsl.units import duration_help, parse_duration
 
 _duration = lru_cache(maxsize=1024)(parse_duration)
 
-_MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules")
+_MAPPINGS = ("with", "uses", "returns", "identifies", "attributes", "rules", "terms", "course", "leaves")
 """The keys of elements whose values are mappings."""
 
 Choice = TypeVar("Choice", bound=StrEnum)

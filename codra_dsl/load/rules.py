@@ -56,6 +56,7 @@ RULES = rules(
     ("CDR2013", "call", _ERROR),
     ("CDR2014", "monitor", _ERROR),
     ("CDR2015", "confirm", _ERROR),
+    ("CDR2016", "fuzzy-term", _ERROR),
     # Names of parts, templates and elements
     ("CDR3001", "ill-formed-name", _ERROR),
     ("CDR3002", "reserved-name", _ERROR),

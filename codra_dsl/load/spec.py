@@ -11,6 +11,7 @@ from codra_dsl.collector import paused_collector
 from codra_dsl.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.calls import Declared, check_calls
+from codra_dsl.load.derived import with_derived
 from codra_dsl.load.document import SECTIONS, Document, read_document, take_section
 from codra_dsl.load.elements import Elements
 from codra_dsl.load.findings import Findings
@@ -102,7 +103,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
     if has_errors(findings.all()):
         damaged["spec"] = frozenset({name.text})
     built = {section: tuple(found.values()) for section, found in elements.built.items()}
-    return Spec(
+    spec = Spec(
         name=name.text,
         place=document.origin.of(name),
         file=document.origin.source.file,
@@ -115,6 +116,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
         damaged=damaged,
         damaged_keys=elements.damaged_keys,
     )
+    return with_derived(spec, findings)
 
 
 def _declared(elements: Elements) -> Declared:

@@ -43,6 +43,11 @@ DEFINITIONS = {
     "nodes": "node",
     "edges": "edge",
     "tasks": "task",
+    "metrics": "metric",
+    "actions": "action",
+    "adaptation": "adaptation_rule",
+    "trees": "tree",
+    "loops": "loop",
 }
 """The schema's definition of each section's elements."""
 
@@ -62,6 +67,10 @@ _CONDITION_KEYS = frozenset(
         ("skills", "monitor"),
         ("agents", "wakes"),
         ("agents", "rules"),
+        ("metrics", "rules"),
+        ("actions", "rules"),
+        ("adaptation", "value"),
+        ("adaptation", "always"),
     }
 )
 

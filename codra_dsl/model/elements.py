@@ -11,6 +11,7 @@ from itertools import chain
 
 from codra_dsl.diagnostics import Place
 from codra_dsl.expression import Node
+from codra_dsl.fuzzy.model import Term
 
 FOREVER_S = math.inf
 DEFAULT_PERIOD_S = 1.0
@@ -177,6 +178,40 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FuzzyTerm:
+    """A word for some values.
+
+    Attributes:
+        term: its fuzzy set.
+        text: as written.
+        place: of the text.
+    """
+
+    term: Term
+    text: str
+    place: Place
+
+    @property
+    def name(self) -> str:
+        """Return the word."""
+        return self.term.name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rate:
+    """That a variable is how fast another one changes.
+
+    Attributes:
+        over_s: the time over which it is taken.
+        is_falling: whether a value that shrinks has a positive rate.
+    """
+
+    of: Reference
+    over_s: float
+    is_falling: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
@@ -186,6 +221,9 @@ class Variable:
         states_validity: whether the spec says `valid_for` at all.
         history: how many readings are kept.
         node: the node of the knowledge graph that it is an attribute of (`of`).
+        terms: words for its values, for fuzzy rules.
+        rate: whose rate of change it is; None if it is none.
+        is_derived: whether it follows from another element: it holds a metric, a weight or a course.
         places: by key (`valid_for`, `source`, ...); also `name`.
     """
 
@@ -201,6 +239,9 @@ class Variable:
     refresh: Refresh = Refresh.PERIODIC
     history: int = 100
     node: str = "context"
+    terms: tuple[FuzzyTerm, ...] = ()
+    rate: Rate | None = None
+    is_derived: bool = False
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
 

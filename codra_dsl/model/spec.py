@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from codra_dsl.diagnostics import Place
 from codra_dsl.model.elements import Algorithm, ObserverSetting, Reference, Resource, Skill, Variable
 from codra_dsl.model.knowledge import Agent, EdgeType, NodeElement, NodeType, Task
+from codra_dsl.model.mape import Adaptation, Loop, Output, TreeElement
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,11 +86,22 @@ class Spec:
     nodes: tuple[NodeElement, ...] = ()
     edges: tuple[EdgeType, ...] = ()
     tasks: tuple[Task, ...] = ()
+    metrics: tuple[Output, ...] = ()
+    actions: tuple[Output, ...] = ()
+    adaptation: tuple[Adaptation, ...] = ()
+    trees: tuple[TreeElement, ...] = ()
+    loops: tuple[Loop, ...] = ()
     uses: tuple[Use, ...] = ()
     templates: tuple[DeclaredTemplate, ...] = ()
     origins: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False, hash=False)
     damaged: Mapping[str, frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
     damaged_keys: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
+
+    @property
+    def adapts(self) -> bool:
+        """Whether it says anything of MAPE-K loops."""
+        rates = any(each.rate is not None for each in self.context)
+        return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or rates)
 
     @property
     def knows(self) -> bool:

@@ -68,7 +68,15 @@ class Link:
 
 
 _AGAINST_THE_FLOW = frozenset(
-    {EdgeKind.REQUIRES, EdgeKind.DECIDES_ON, EdgeKind.FEEDBACK, EdgeKind.READS, EdgeKind.EXECUTES, EdgeKind.LEADS_FROM}
+    {
+        EdgeKind.REQUIRES,
+        EdgeKind.DECIDES_ON,
+        EdgeKind.FEEDBACK,
+        EdgeKind.READS,
+        EdgeKind.EXECUTES,
+        EdgeKind.LEADS_FROM,
+        EdgeKind.WEIGHS,
+    }
 )
 """Edges whose sentence ends where knowledge comes from."""
 

@@ -23,6 +23,11 @@ class Shown(StrEnum):
     TYPE = "type"
     EDGE = "edge"
     TASK = "task"
+    METRIC = "metric"
+    ACTION = "action"
+    ADAPTATION = "adaptation"
+    TREE = "tree"
+    LOOP = "loop"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +74,11 @@ NODES: Mapping[Shown, NodeLook] = {
     Shown.TYPE: NodeLook(shape="box", fill="#e4e4e4", style="filled,rounded", meaning="type of nodes"),
     Shown.EDGE: NodeLook(shape="ellipse", fill="#ffffff", style="filled", meaning="type of edges between nodes"),
     Shown.TASK: NodeLook(shape="octagon", fill="#fde0e6", style="filled", meaning="task that agents hand over"),
+    Shown.METRIC: NodeLook(shape="box", fill="#cdeceb", style="filled", meaning="metric"),
+    Shown.ACTION: NodeLook(shape="cds", fill="#cdeceb", style="filled", meaning="action with a weight"),
+    Shown.ADAPTATION: NodeLook(shape="diamond", fill="#f6d5c0", style="filled", meaning="adaptation"),
+    Shown.TREE: NodeLook(shape="folder", fill="#d8efd3", style="filled", meaning="behaviour tree"),
+    Shown.LOOP: NodeLook(shape="doublecircle", fill="#ffffff", style="filled", meaning="loop"),
 }
 
 EDGES: Mapping[EdgeKind, EdgeLook] = {
@@ -82,11 +92,16 @@ EDGES: Mapping[EdgeKind, EdgeLook] = {
         colour="#c2185b", style="dashed", head="empty", sentence="A is read by B, which does not wait for it"
     ),
     EdgeKind.OWNS: EdgeLook(colour="#6a3fa0", style="bold", head="normal", sentence="A may write B"),
-    EdgeKind.READS: EdgeLook(colour="#6a3fa0", style="dashed", head="vee", sentence="A is read by agent B"),
+    EdgeKind.READS: EdgeLook(colour="#6a3fa0", style="dashed", head="vee", sentence="A is read by B"),
     EdgeKind.REQUESTS: EdgeLook(colour="#b3123a", style="solid", head="normal", sentence="A may ask for task B"),
-    EdgeKind.EXECUTES: EdgeLook(colour="#b3123a", style="bold", head="normal", sentence="A is done by agent B"),
+    EdgeKind.EXECUTES: EdgeLook(colour="#b3123a", style="bold", head="normal", sentence="A is done by B"),
     EdgeKind.LEADS_FROM: EdgeLook(colour="#777777", style="solid", head="none", sentence="edges B lead from nodes A"),
     EdgeKind.LEADS_TO: EdgeLook(colour="#777777", style="solid", head="open", sentence="edges A lead to nodes B"),
+    EdgeKind.WEIGHS: EdgeLook(colour="#00796b", style="solid", head="normal", sentence="A is weighed by B"),
+    EdgeKind.SWITCHES: EdgeLook(colour="#b5541c", style="bold", head="normal", sentence="A chooses the branch of B"),
+    EdgeKind.SETS: EdgeLook(colour="#b5541c", style="solid", head="normal", sentence="A sets B"),
+    EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A works out B"),
+    EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A makes B"),
 }
 
 FRAME = "an observer with what it runs and identifies"

@@ -43,6 +43,11 @@ _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.EXECUTES: "==>",
     EdgeKind.LEADS_FROM: "---",
     EdgeKind.LEADS_TO: "-->",
+    EdgeKind.WEIGHS: "-->",
+    EdgeKind.SWITCHES: "==>",
+    EdgeKind.SETS: "-->",
+    EdgeKind.ANALYSES: "-.->",
+    EdgeKind.ADAPTS: "-.->",
 }
 
 

@@ -205,6 +205,11 @@ class ContextManager(Generic[VariableName, SkillName]):
             reading = reading.at(now_s)
         return reading if reading.reason is None else self._parts.explained(reading)
 
+    def readings(self, names: Iterable[VariableName]) -> Mapping[str, Reading[Any]]:
+        """Return what is known of several variables at one instant."""
+        with self._lock:
+            return {name: self._reading(name) for name in names}
+
     def obstacle(self, name: VariableName) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
 

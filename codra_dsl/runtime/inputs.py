@@ -19,6 +19,7 @@ from codra_dsl.runtime.declarations import MAIN, OBSERVER, Declarations, expecte
 from codra_dsl.runtime.expectations import Expectations
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.journal import Kind, Scribe
+from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.model import SkillModel, VariableModel
 from codra_dsl.runtime.slots import MAIN_EXECUTION, Slots, Ticket
 from codra_dsl.runtime.store import Store
@@ -195,6 +196,21 @@ class Inputs:
                 self._scribe.tell(Kind.VARIABLE, name, "refused", value=content, source=writer)
                 raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
             self._store_reading(model, content, writer, evidence_s)
+
+    def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:
+        """Tell what a loop has done.
+
+        Args:
+            agent: who answers for it.
+            name: of the loop, course, parameter or tree.
+            what: it did.
+            details: plain values, without any that is None.
+        """
+        with self._clock:
+            if self._scribe.takes_inputs:
+                told = json_text({"name": name, "what": what, "details": details})
+                self._scribe.tell_input(agent, "adapt", told=told)
+            self._scribe.tell(Kind.ADAPTATION, name, what, agent=agent, **details)
 
     # Decisions
 

@@ -1,4 +1,4 @@
-"""The context of 'store': 0 observers, 14 context-variables, 0 skills.
+"""The context of 'store': 0 observers, 25 context-variables, 0 skills.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -8,12 +8,15 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Never, TypeVar, overload
 
 from codra_dsl.runtime import Agent, Clock, ContextManager, Reading, Record
+from codra_dsl.runtime.mape.loop import Mape
 from codra_dsl.runtime.model import ContextModel
+from codra_dsl.runtime.trees.node import Leaves
 
 from . import store
 from .knowledge import (
     KNOWLEDGE,
     AdaptationHandle,
+    AnalysisHandle,
     CameraAgentHandle,
     ContainerDetectionHandle,
     ForkHandle,
@@ -28,21 +31,41 @@ from .knowledge import (
     TurningHandle,
     WheelCheckHandle,
 )
+from .mape import MAPE
 
 ContainerLoad = Literal["empty", "loading", "full"]
 GoalWay = Literal["forward", "backward"]
 BaseNotice = Literal["none", "container_not_found", "mission_aborted"]
-FloatName = Literal["battery_level", "person_distance", "front_gap", "back_gap", "speed", "pose_spread", "max_speed"]
-BoolName = Literal["charging", "camera_steady", "bumped", "loaded"]
+Course = Literal["pick", "deliver", "start", "dock"]
+FloatName = Literal[
+    "battery_level",
+    "person_distance",
+    "front_gap",
+    "back_gap",
+    "speed",
+    "pose_spread",
+    "max_speed",
+    "battery_drain",
+    "safety",
+    "mission_completion",
+    "power_autonomy",
+    "weight_of_pick",
+    "weight_of_deliver",
+    "weight_of_start",
+    "weight_of_dock",
+]
+BoolName = Literal["charging", "camera_steady", "bumped", "loaded", "order_open", "picking_up"]
 ContainerLoadName = Literal["container_load"]
 GoalWayName = Literal["goal_way"]
 BaseNoticeName = Literal["base_notice"]
-VariableName = FloatName | BoolName | ContainerLoadName | GoalWayName | BaseNoticeName
+CourseName = Literal["course"]
+VariableName = FloatName | BoolName | ContainerLoadName | GoalWayName | BaseNoticeName | CourseName
 FloatAnswer = TypeVar("FloatAnswer", bound=float | None)
 BoolAnswer = TypeVar("BoolAnswer", bound=bool | None)
 ContainerLoadAnswer = TypeVar("ContainerLoadAnswer", bound=ContainerLoad | None)
 GoalWayAnswer = TypeVar("GoalWayAnswer", bound=GoalWay | None)
 BaseNoticeAnswer = TypeVar("BaseNoticeAnswer", bound=BaseNotice | None)
+CourseAnswer = TypeVar("CourseAnswer", bound=Course | None)
 SkillName = Never
 
 MODEL = ContextModel(
@@ -99,6 +122,9 @@ class Store(ContextManager[VariableName, SkillName]):
         @overload
         def agent(self, name: Literal["adaptation"]) -> Agent[VariableName, AdaptationHandle]: ...
 
+        @overload
+        def agent(self, name: Literal["analysis"]) -> Agent[VariableName, AnalysisHandle]: ...
+
         def agent(self, name: Any) -> Any:
             """Return the handle by which an agent writes."""
 
@@ -116,6 +142,9 @@ class Store(ContextManager[VariableName, SkillName]):
 
         @overload
         def get(self, name: BaseNoticeName) -> Reading[BaseNotice]: ...
+
+        @overload
+        def get(self, name: CourseName) -> Reading[Course]: ...
 
         @overload
         def get(self, name: VariableName) -> Reading[Any]: ...
@@ -139,6 +168,9 @@ class Store(ContextManager[VariableName, SkillName]):
         def set(self, name: BaseNoticeName, value: BaseNotice, *, evidence_s: float | None = ...) -> None: ...
 
         @overload
+        def set(self, name: CourseName, value: Course, *, evidence_s: float | None = ...) -> None: ...
+
+        @overload
         def set(self, name: VariableName, value: Never, *, evidence_s: float | None = ...) -> None: ...
 
         def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
@@ -158,6 +190,9 @@ class Store(ContextManager[VariableName, SkillName]):
 
         @overload
         def declare(self, name: BaseNoticeName, value: BaseNotice | None = None) -> None: ...
+
+        @overload
+        def declare(self, name: CourseName, value: Course | None = None) -> None: ...
 
         @overload
         def declare(self, name: VariableName, value: None = None) -> None: ...
@@ -228,6 +263,18 @@ class Store(ContextManager[VariableName, SkillName]):
         @overload
         def decide(
             self,
+            name: CourseName,
+            otherwise: Callable[[], CourseAnswer],
+            *,
+            max_age_s: float = ...,
+            since_s: float = ...,
+            wait_up_to_s: float = ...,
+            shadow: bool = ...,
+        ) -> Course | CourseAnswer: ...
+
+        @overload
+        def decide(
+            self,
             name: VariableName,
             otherwise: Callable[[], Never],
             *,
@@ -259,3 +306,8 @@ def start(
 ) -> Store:
     """Return the context manager; nothing is observed before it is declared or expected."""
     return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record, knowledge=KNOWLEDGE)
+
+
+def loops(codra: Store, *, clock: Clock, robot: Leaves | None = None) -> Mape:
+    """Return the loops, which run within a `with` block; `robot` gives each leaf of the trees its action."""
+    return Mape(codra, MAPE, clock=clock, robot=robot)

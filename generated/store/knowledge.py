@@ -52,6 +52,7 @@ AgentName = Literal[
     "mission",
     "picking",
     "adaptation",
+    "analysis",
 ]
 AttributeName = Literal[
     "kind",
@@ -70,6 +71,17 @@ AttributeName = Literal[
     "max_speed",
     "goal_way",
     "base_notice",
+    "battery_drain",
+    "order_open",
+    "picking_up",
+    "safety",
+    "mission_completion",
+    "power_autonomy",
+    "weight_of_pick",
+    "weight_of_deliver",
+    "weight_of_start",
+    "weight_of_dock",
+    "course",
     "request",
     "requester",
     "result",
@@ -134,8 +146,9 @@ NodeTypeName = Literal[
     "depot",
     "pose",
     "task",
+    "context",
 ]
-TaskName = Literal["navigating", "detecting", "rotating", "checking", "lifting", "lowering"]
+TaskName = Literal["navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching"]
 
 KNOWLEDGE = KnowledgeModel(
     name="store",
@@ -168,6 +181,7 @@ KNOWLEDGE = KnowledgeModel(
         NodeTypeModel(name="picking_area"),
         NodeTypeModel(name="depot"),
         NodeTypeModel(name="pose"),
+        NodeTypeModel(name="context"),
     ),
     edge_types=(
         EdgeTypeModel(name="has", origins=("robot",), targets=("battery",)),
@@ -464,6 +478,8 @@ KNOWLEDGE = KnowledgeModel(
                     sources=by("adaptation"),
                     label="Maximum speed",
                 ),
+                AttributeModel(name="order_open", type=boolean(), sources=by("mission"), label="An order is open"),
+                AttributeModel(name="picking_up", type=boolean(), sources=by("picking"), label="Picking up"),
             ),
         ),
         NodeModel(
@@ -483,6 +499,12 @@ KNOWLEDGE = KnowledgeModel(
                     sources=by("navigation"),
                     valid_for_s=60.0,
                     label="Charging",
+                ),
+                AttributeModel(
+                    name="battery_drain",
+                    type=real(0, 5, unit="percent/min"),
+                    sources=by("analysis"),
+                    label="Drain of the battery",
                 ),
             ),
         ),
@@ -556,6 +578,55 @@ KNOWLEDGE = KnowledgeModel(
         NodeModel(name="delivery_pose_1", type="pose"),
         NodeModel(name="delivery_approach", type="pose"),
         NodeModel(name="delivery_delivery", type="pose"),
+        NodeModel(
+            name="context",
+            type="context",
+            attributes=(
+                AttributeModel(name="safety", type=real(0.0, 1.0), sources=by("analysis"), label="Safety"),
+                AttributeModel(
+                    name="mission_completion",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Mission completion",
+                ),
+                AttributeModel(
+                    name="power_autonomy",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Power autonomy",
+                ),
+                AttributeModel(
+                    name="weight_of_pick",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Weight of Fetch and bring",
+                ),
+                AttributeModel(
+                    name="weight_of_deliver",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Weight of Bring to the general delivery pose",
+                ),
+                AttributeModel(
+                    name="weight_of_start",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Weight of Return to the start",
+                ),
+                AttributeModel(
+                    name="weight_of_dock",
+                    type=real(0.0, 1.0),
+                    sources=by("analysis"),
+                    label="Weight of Go and charge",
+                ),
+                AttributeModel(
+                    name="course",
+                    type=member("pick", "deliver", "start", "dock"),
+                    sources=by("adaptation"),
+                    label="Course of the mission",
+                ),
+            ),
+        ),
     ),
     edges=(
         EdgeModel(origin="robot", type="has", target="battery"),
@@ -728,6 +799,15 @@ KNOWLEDGE = KnowledgeModel(
             acknowledge_s=1.0,
             finish_s=10.0,
         ),
+        TaskModel(
+            name="fetching",
+            origin="robot",
+            by="picking",
+            requesters=("mission",),
+            results=("fetched", "not_found", "failed"),
+            acknowledge_s=1.0,
+            finish_s=600.0,
+        ),
     ),
     agents=(
         AgentModel(name="localisation", phase=Phase.MONITOR, owns=("robot.pose_spread", "robot_pose")),
@@ -828,20 +908,34 @@ KNOWLEDGE = KnowledgeModel(
         AgentModel(
             name="mission",
             phase=Phase.PLAN,
-            owns=("goal.goal_way", "base.base_notice", "order.state", "goal_pose"),
+            owns=("goal.goal_way", "base.base_notice", "robot.order_open", "order.state", "goal_pose"),
             reads=("order", "of_area", "to_area", "base.base_notice"),
         ),
         AgentModel(
             name="picking",
             phase=Phase.PLAN,
-            owns=("goal.goal_way", "base.base_notice", "goal_pose"),
+            owns=("goal.goal_way", "base.base_notice", "robot.picking_up", "goal_pose"),
             reads=("container_pose",),
         ),
         AgentModel(
             name="adaptation",
             phase=Phase.PLAN,
-            owns=("robot.max_speed",),
+            owns=("robot.max_speed", "context.course"),
             reads=("robot.person_distance", "robot.front_gap", "battery.battery_level"),
+        ),
+        AgentModel(
+            name="analysis",
+            phase=Phase.ANALYSE,
+            owns=(
+                "battery.battery_drain",
+                "context.safety",
+                "context.mission_completion",
+                "context.power_autonomy",
+                "context.weight_of_pick",
+                "context.weight_of_deliver",
+                "context.weight_of_start",
+                "context.weight_of_dock",
+            ),
         ),
     ),
 )
@@ -1297,7 +1391,7 @@ if TYPE_CHECKING:
         def set(
             self,
             name: str,
-            attribute: Literal["goal_way", "base_notice", "state"],
+            attribute: Literal["goal_way", "base_notice", "order_open", "state"],
             value: object,
             *,
             evidence_s: float | None = None,
@@ -1324,7 +1418,7 @@ if TYPE_CHECKING:
 
         def request(
             self,
-            task: Literal["navigating", "detecting", "rotating", "checking", "lifting", "lowering"],
+            task: Literal["navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching"],
             /,
             **values: object,
         ) -> Request: ...
@@ -1351,7 +1445,7 @@ if TYPE_CHECKING:
         def set(
             self,
             name: str,
-            attribute: Literal["goal_way", "base_notice"],
+            attribute: Literal["goal_way", "base_notice", "picking_up"],
             value: object,
             *,
             evidence_s: float | None = None,
@@ -1383,7 +1477,7 @@ if TYPE_CHECKING:
             **values: object,
         ) -> Request: ...
 
-        def finish(self, request: Request, result: Never) -> None: ...
+        def finish(self, request: Request, result: Literal["fetched", "not_found", "failed"]) -> None: ...
 
     class PickingTransaction(_PickingWrites, Transaction):  # type: ignore[misc]  # takes fewer names, on purpose
         """Changes of agent 'picking' that become visible together."""
@@ -1403,7 +1497,12 @@ if TYPE_CHECKING:
         def insert_node(self, name: str, type: Never, /, **values: object) -> None: ...
 
         def set(
-            self, name: str, attribute: Literal["max_speed"], value: object, *, evidence_s: float | None = None
+            self,
+            name: str,
+            attribute: Literal["max_speed", "course"],
+            value: object,
+            *,
+            evidence_s: float | None = None,
         ) -> None: ...
 
         def insert_edge(self, origin: str, type: Never, target: str, /, **values: object) -> None: ...
@@ -1437,6 +1536,62 @@ if TYPE_CHECKING:
             """Begin changes that become visible together, or not at all."""
 
         def acting(self, rule: Never) -> Acting[AdaptationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+            """Begin, by a `with` statement, an action of which a rule tells."""
+
+    class _AnalysisWrites:
+        """What agent 'analysis' may write."""
+
+        def insert_node(self, name: str, type: Never, /, **values: object) -> None: ...
+
+        def set(
+            self,
+            name: str,
+            attribute: Literal[
+                "battery_drain",
+                "safety",
+                "mission_completion",
+                "power_autonomy",
+                "weight_of_pick",
+                "weight_of_deliver",
+                "weight_of_start",
+                "weight_of_dock",
+            ],
+            value: object,
+            *,
+            evidence_s: float | None = None,
+        ) -> None: ...
+
+        def insert_edge(self, origin: str, type: Never, target: str, /, **values: object) -> None: ...
+
+        def delete_edge(self, origin: str, type: Never, target: str) -> None: ...
+
+        def set_of_edge(
+            self,
+            origin: str,
+            type: Never,
+            target: str,
+            attribute: Never,
+            value: object,
+            *,
+            evidence_s: float | None = None,
+        ) -> None: ...
+
+        def place(self, origin: str, type: Never, target: str, pose: Pose, *, stamp_s: float | None = None) -> None: ...
+
+        def request(self, task: Never, /, **values: object) -> Request: ...
+
+        def finish(self, request: Request, result: Never) -> None: ...
+
+    class AnalysisTransaction(_AnalysisWrites, Transaction):  # type: ignore[misc]  # takes fewer names, on purpose
+        """Changes of agent 'analysis' that become visible together."""
+
+    class AnalysisHandle(_AnalysisWrites, AgentHandle):  # type: ignore[misc]  # takes fewer names, on purpose
+        """The handle of agent 'analysis'."""
+
+        def transaction(self) -> AbstractContextManager[AnalysisTransaction]:
+            """Begin changes that become visible together, or not at all."""
+
+        def acting(self, rule: Never) -> Acting[AnalysisTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _Reads:
@@ -1501,6 +1656,9 @@ if TYPE_CHECKING:
         @overload
         def as_agent(self, name: Literal["adaptation"]) -> AdaptationHandle: ...
 
+        @overload
+        def as_agent(self, name: Literal["analysis"]) -> AnalysisHandle: ...
+
         def as_agent(self, name: Any) -> Any: ...
 
         def snapshot(self) -> StoreSnapshot: ...
@@ -1536,5 +1694,7 @@ else:
     PickingHandle = AgentHandle
     AdaptationTransaction = Transaction
     AdaptationHandle = AgentHandle
+    AnalysisTransaction = Transaction
+    AnalysisHandle = AgentHandle
     StoreSnapshot = Snapshot
     StoreKnowledge = Knowledge

@@ -77,6 +77,37 @@ VARIABLES: tuple[VariableModel, ...] = (
         label="Notice to the base",
         sources=("mission", "picking"),
     ),
+    VariableModel(
+        name="battery_drain",
+        type=real(0, 5, unit="percent/min"),
+        label="Drain of the battery",
+        sources=("analysis",),
+    ),
+    VariableModel(name="order_open", type=boolean(), label="An order is open", sources=("mission",)),
+    VariableModel(name="picking_up", type=boolean(), label="Picking up", sources=("picking",)),
+    VariableModel(name="safety", type=real(0.0, 1.0), label="Safety", sources=("analysis",)),
+    VariableModel(name="mission_completion", type=real(0.0, 1.0), label="Mission completion", sources=("analysis",)),
+    VariableModel(name="power_autonomy", type=real(0.0, 1.0), label="Power autonomy", sources=("analysis",)),
+    VariableModel(name="weight_of_pick", type=real(0.0, 1.0), label="Weight of Fetch and bring", sources=("analysis",)),
+    VariableModel(
+        name="weight_of_deliver",
+        type=real(0.0, 1.0),
+        label="Weight of Bring to the general delivery pose",
+        sources=("analysis",),
+    ),
+    VariableModel(
+        name="weight_of_start",
+        type=real(0.0, 1.0),
+        label="Weight of Return to the start",
+        sources=("analysis",),
+    ),
+    VariableModel(name="weight_of_dock", type=real(0.0, 1.0), label="Weight of Go and charge", sources=("analysis",)),
+    VariableModel(
+        name="course",
+        type=member("pick", "deliver", "start", "dock"),
+        label="Course of the mission",
+        sources=("adaptation",),
+    ),
 )
 
 OBSERVERS: tuple[ObserverModel, ...] = ()

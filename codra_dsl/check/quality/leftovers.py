@@ -49,6 +49,7 @@ def unused_resources(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
 def unused_agents(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Every agent is the source of something, or takes part in knowledge."""
     sources = [source.name for variable in scope.spec.context for source in variable.sources]
+    sources += [tree.agent.name for tree in scope.spec.trees if tree.agent is not None]
     if scope.spec.knows:
         sources += [mention.name for mention in source_mentions(scope)]
         sources += [agent.name for agent in scope.spec.agents if not agent.conduct.is_bare]

@@ -14,7 +14,7 @@ from codra_dsl.runtime.journal.events import Event, Kind
 
 _encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
-_SHARED = frozenset({Kind.INPUT, Kind.KNOWLEDGE})
+_SHARED = frozenset({Kind.INPUT, Kind.KNOWLEDGE, Kind.ADAPTATION})
 """Kinds whose events share one topic."""
 
 _SCALARS = frozenset({bool, int, float, str})

@@ -24,6 +24,7 @@ class Kind(StrEnum):
     DECLARATION = "declaration"
     EXPECTATION = "expectation"
     KNOWLEDGE = "knowledge"
+    ADAPTATION = "adaptation"
     INPUT = "input"
 
 
@@ -33,8 +34,8 @@ class Event:
 
     Attributes:
         instant_s: when.
-        name: of the variable, observer or algorithm; of knowledge, a node, `node.attribute`, an edge, or a task; of an
-            input, who it came from.
+        name: of the variable, observer or algorithm; of knowledge, a node, `node.attribute`, an edge, or a task; of
+            adaptation, a loop, course, parameter or tree; of an input, who it came from.
         what: what happened to it, e.g. `started`, `identified`, `fell_back`.
         details: plain values, by a name that is no other attribute's.
     """

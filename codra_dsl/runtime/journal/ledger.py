@@ -9,6 +9,19 @@ from typing import Self
 
 from codra_dsl.runtime.journal.events import Event, Kind
 
+_BY_NAME = (
+    "present",
+    "known",
+    "basis",
+    "observers",
+    "started",
+    "ended",
+    "declared",
+    "expected",
+    "knowledge",
+    "adaptations",
+)
+
 _ENDS = frozenset({"returned", "failed", "voided", "cancelled"})
 
 
@@ -49,6 +62,7 @@ class Ledger:
         declared: by variable, whose need for it was declared or withdrawn last.
         expected: by variable, what last came of what a skill expects of it.
         knowledge: by node, attribute, edge or task, the last of each that became of it.
+        adaptations: by course or parameter and by the variable that holds it, the last of each that became of it.
     """
 
     def __init__(self) -> None:
@@ -63,6 +77,7 @@ class Ledger:
         self.declared: dict[str, Event] = {}
         self.expected: dict[str, Event] = {}
         self.knowledge: dict[str, Mapping[str, Event]] = {}
+        self.adaptations: dict[str, Mapping[str, Event]] = {}
 
     @classmethod
     def of(cls, events: Iterable[Event], until_s: float, before: Ledger | None = None) -> Ledger:
@@ -78,7 +93,7 @@ class Ledger:
         """Return the same, to go on with apart."""
         other = type(self)()
         other.until_s = self.until_s
-        for name in ("present", "known", "basis", "observers", "started", "ended", "declared", "expected", "knowledge"):
+        for name in _BY_NAME:
             setattr(other, name, dict(getattr(self, name)))
         other.later = {name: later.copy() for name, later in self.later.items()}
         return other
@@ -98,9 +113,11 @@ class Ledger:
             case Kind.EXPECTATION:
                 self.expected[event.name] = event
             case Kind.KNOWLEDGE:
-                before = self.knowledge.get(event.name, {})
-                others = {what: other for what, other in before.items() if what != event.what}
-                self.knowledge[event.name] = {**others, event.what: event}  # the latest last
+                self.knowledge[event.name] = _with(self.knowledge.get(event.name, {}), event)
+            case Kind.ADAPTATION:
+                about = (event.details.get(key, event.name) for key in ("variable", "course"))
+                for name in dict.fromkeys((event.name, *map(str, about))):
+                    self.adaptations[name] = _with(self.adaptations.get(name, {}), event)
             case _:
                 pass
 
@@ -129,3 +146,8 @@ class Ledger:
 
     def _note(self, variable: str, event: Event) -> None:
         self.later.setdefault(variable, Later()).take(event)
+
+
+def _with(before: Mapping[str, Event], event: Event) -> Mapping[str, Event]:
+    """Return the last of each that became of something, the latest last."""
+    return {**{what: other for what, other in before.items() if what != event.what}, event.what: event}

@@ -272,6 +272,7 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
             "graph": "an agent writes knowledge, all of it at once",
             "refused": "an agent would have written knowledge that it may not, or begun what its rule does not allow",
             "rule": "something became of a rule of an agent",
+            "adapt": "a loop tells what it has done",
         },
         step=_field("integer", "How many events of the clock had happened by then."),
         work=_field("integer", "In simulated time, the number of the job, among all jobs, whose function asks this."),
@@ -293,6 +294,7 @@ def _of_input(_name: str, _outline: Outline) -> tuple[str, Field]:
         operations=_field("string", "What is written, as JSON: a list of operations, each with what it is given."),
         rule=_field("string", "The rule of the agent."),
         became=_field("string", "What became of the rule."),
+        told=_field("string", "What the loop tells, as JSON: the name and what of an event, and its details."),
         subject=_field("string", "What would have been written: a node, an attribute, an edge, or a task."),
     )
 
@@ -334,6 +336,94 @@ def _of_knowledge(_name: str, _outline: Outline) -> tuple[str, Field]:
         rule=_field("string", "The rule of the agent."),
         message=_field("string", "Who may write it, why a task was aborted, or what of a rule does not hold."),
     )
+
+
+def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
+    return "codra.Adaptation", _event(
+        "What a loop has decided and done, with the chain of what led to it.",
+        "The loop, course, parameter or tree.",
+        {
+            "started": "the loop runs",
+            "stopped": "it does not run any more",
+            "chosen": "the course is another action",
+            "explained": "what would have kept the course that was left",
+            "ended": "the branch that was left has ended",
+            "overdue": "it has not, in the time that it had",
+            "set": "the parameter has another value",
+            "failed": "an error; the loop goes on",
+        },
+        loop=_field("string", "The loop that did it."),
+        course=_field("string", "Of a branch, the course that it is a branch for."),
+        agent=_field("string", "The agent that answers for it."),
+        variable=_field("string", "The variable that holds the course or parameter; left out if none does."),
+        action=_field("string", "The action that is the course now; of a branch, the one whose branch it is."),
+        before=_field("string", "The action that was left; left out if there was none."),
+        because=_field("string", "Why: first, leads, worse, hard_rule, nothing_known, or of a parameter changed."),
+        rule=_field("string", "The hard rule that decided, or what the parameter is to be, as the spec says it."),
+        place=_field("string", "Where the spec says that."),
+        value=_field("string", "Of the parameter, as JSON."),
+        branch=_field("string", "What the entry of the tree says for the branch."),
+        result=_field("string", "How the branch ended: halted, success, failure, idle, or failed with an error."),
+        took_s=_field("number", "How long that took."),
+        tasks=_list("string", "The tasks that are still open."),
+        message=_field("string", "The error."),
+        since_s=_field("number", "Since when what was left had been the course, or the last value stood."),
+        dwell_until_s=_field("number", "Until when it would have stood but for a hard rule or a worse metric."),
+        readings=_parts(
+            "What was known.",
+            variable=_field("string", "The variable."),
+            value=_field("string", "Its value, as JSON; left out when unknown."),
+            evidence_s=_field("number", "When its evidence was taken."),
+            because=_field("string", "Why it is unknown."),
+        ),
+        degrees=_parts(
+            "How much each input is each of its terms.",
+            variable=_field("string", "The input."),
+            term=_field("string", "Its term."),
+            **_BOUNDS,
+        ),
+        rules=_parts(
+            "How strongly each rule acts.",
+            text=_field("string", "The rule."),
+            concludes=_list("string", "What it says something about."),
+            place=_field("string", "Where the spec says it."),
+            **_BOUNDS,
+        ),
+        metrics=_parts("The metrics.", **_JUDGED),
+        weights=_parts(
+            "The weights of the actions, and where the filter stood.",
+            **_JUDGED,
+            smoothed=_field("number", "What counts."),
+            leads_since_s=_field("number", "Since when it leads the course that was left."),
+            cooldown_until_s=_field("number", "Until when it is not chosen again."),
+        ),
+        kept_by=_parts(
+            "Single changes that would have kept the course, the smallest of each kind.",
+            kind=_field("string", "Of an input, or of a weight."),
+            name=_field("string", "The variable, or the action."),
+            value=_field("string", "What it was, as JSON; left out when unknown."),
+            other=_field("string", "What it would have had to be, as JSON."),
+            share=_field("number", "How much of its range that is."),
+        ),
+    )
+
+
+_BOUNDS: Mapping[str, Field] = {
+    "low": {"type": "number", "description": "The least that it can be; left out when unknown."},
+    "high": {"type": "number", "description": "The most that it can be."},
+}
+
+_JUDGED: Mapping[str, Field] = {
+    "name": {"type": "string", "description": "The metric or action."},
+    **_BOUNDS,
+    "value": {"type": "number", "description": "What counts; left out when unknown."},
+    "evidence_s": {"type": "number", "description": "Of the oldest input."},
+}
+
+
+def _parts(description: str, **properties: Field) -> Field:
+    item = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {"type": "array", "items": item, "description": description}
 
 
 def _event(description: str, name: str, whats: Mapping[str, str], **details: Field) -> Field:
@@ -381,6 +471,9 @@ TOPICS: Mapping[Kind, Topic] = {
     ),
     Kind.KNOWLEDGE: Topic(
         folder="/codra/knowledge", schema=_of_knowledge, told=_about_nothing, place=_nowhere, is_shared=True
+    ),
+    Kind.ADAPTATION: Topic(
+        folder="/codra/adaptation", schema=_of_adaptation, told=_about_nothing, place=_nowhere, is_shared=True
     ),
     Kind.INPUT: Topic(folder="/codra/input", schema=_of_input, told=_about_nothing, place=_nowhere, is_shared=True),
 }

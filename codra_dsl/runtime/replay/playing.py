@@ -123,6 +123,9 @@ class _Player:
             case "refused":
                 about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
                 self._manager.knowledge.refuse_again(event.name, Refused(*about))
+            case "adapt":
+                adapted = json.loads(details["told"])
+                self._inputs.adapt(event.name, adapted["name"], adapted["what"], adapted["details"])
             case "rule":
                 told = (details["rule"], details["became"], details.get("message", ""))
                 self._manager.knowledge.tell_rule(event.name, *told)

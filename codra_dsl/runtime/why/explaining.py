@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.outline import AlgorithmOutline, Outline, Rule
+from codra_dsl.runtime.why.adapting import adapting, explain_course
 from codra_dsl.runtime.why.knowing import explain_knowledge
 from codra_dsl.runtime.why.story import doing, story
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
@@ -21,13 +22,14 @@ Ledgers = Callable[[float], Ledger]
 def explain(outline: Outline, ledgers: Ledgers, name: str, at_s: float) -> Why:
     """Return why a variable is what it is at an instant, with the chain through all that led to it.
 
-    Of knowledge it tells who wrote it last, in which change, and what was refused.
+    Of knowledge it tells who wrote it last, in which change, and what was refused; of a course or parameter the whole
+    chain of the last decision about it.
 
     Args:
         outline: what the spec says.
         ledgers: tells what had happened up to an instant.
         name: of a variable of the spec, or of knowledge: a node, `node.attribute`, an edge as `origin -edge-> target`,
-            or a task.
+            or a task; or of a course or parameter.
         at_s: the instant.
 
     Raises:
@@ -37,8 +39,10 @@ def explain(outline: Outline, ledgers: Ledgers, name: str, at_s: float) -> Why:
     if node and outline.nodes.get(attribute) == node:
         name = attribute  # a context-variable, by its other name
     if name in outline.variables:
-        return _Explanation(outline, ledgers).why(name, at_s, ())
-    return explain_knowledge(outline, ledgers(at_s), name, at_s)
+        found = _Explanation(outline, ledgers).why(name, at_s, ())
+        return replace(found, story=(*found.story, *adapting(ledgers(at_s), name)))
+    ledger = ledgers(at_s)
+    return explain_course(ledger, name, at_s) or explain_knowledge(outline, ledger, name, at_s)
 
 
 @dataclass(frozen=True, slots=True)

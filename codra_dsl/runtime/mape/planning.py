@@ -1,0 +1,258 @@
+"""What one loop remembers and decides: its rates, metrics, weights, courses and parameters."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.mape.analysis import Assessment, Judged, assess
+from codra_dsl.runtime.mape.courses import Decision, Metrics, Standing, choose, metrics_of, worsened
+from codra_dsl.runtime.mape.declarations import (
+    CourseModel,
+    InputModel,
+    LoopModel,
+    MapeModel,
+    ParameterModel,
+    RateModel,
+)
+from codra_dsl.runtime.mape.filters import JUST_AFTER_S
+from codra_dsl.runtime.mape.fuzzy.bounds import Bounds
+from codra_dsl.runtime.mape.observations import Observation, Scene, SceneScope, rate
+from codra_dsl.runtime.model import ValueType
+
+KEPT_DECISIONS = 100
+"""How many decisions of a course are kept in memory."""
+
+_ROUNDING_S = 1e-9
+
+
+class Context(Protocol):
+    """Where a loop reads."""
+
+    def readings(self, names: Iterable[Any]) -> Mapping[str, Reading[Any]]:
+        """Return what is known of several variables at one instant."""
+        ...
+
+    def history(self, name: Any) -> tuple[Reading[Any], ...]:
+        """Return the kept readings of a variable."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What is to be written.
+
+    Attributes:
+        evidence_s: minus infinity if nothing was known.
+    """
+
+    variable: str
+    value: Value | None
+    evidence_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A new value of a parameter.
+
+    Attributes:
+        since_s: since when the value before had stood.
+        is_urgent: whether it breaks the dwell, because a metric has become worse.
+    """
+
+    instant_s: float
+    parameter: ParameterModel
+    value: Value
+    before: Value | None
+    since_s: float
+    is_urgent: bool
+    assessment: Assessment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What one analysis comes to.
+
+    Attributes:
+        analysed: rates, metrics and weights, to be written by the analyst.
+        due_s: when to analyse again though nothing has changed.
+    """
+
+    assessment: Assessment
+    analysed: tuple[Written, ...]
+    decisions: tuple[Decision, ...]
+    settings: tuple[Setting, ...]
+    due_s: float
+
+
+@dataclass(slots=True)
+class _Parameter:
+    value: Value | None = None
+    since_s: float = -math.inf
+    metrics: Metrics = field(default_factory=dict)
+
+
+class Planning:
+    """Analyses and decides for one loop; it writes nothing itself."""
+
+    def __init__(self, model: MapeModel, loop: LoopModel, types: Mapping[str, ValueType]) -> None:
+        """Remember nothing yet.
+
+        Args:
+            model: of all loops.
+            loop: the one.
+            types: of the context-variables.
+        """
+        self._model = model
+        self._loop = loop
+        self._types = types
+        self._rates = {each.variable: each for each in model.rates if each.variable in loop.rates}
+        self.courses = {each.name: each for each in model.courses if each.name in loop.adapt}
+        self._parameters = tuple(each for each in model.parameters if each.name in loop.adapt)
+        self._standing = {name: Standing() for name in self.courses}
+        self._settings = {each.name: _Parameter() for each in self._parameters}
+        self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
+        self._reads = tuple(sorted(self._read()))
+
+    def standing(self, course: str) -> Standing:
+        """Return how a course stands."""
+        return self._standing[course]
+
+    def watches(self) -> tuple[str, ...]:
+        """Return the variables whose changes call for an analysis."""
+        return tuple(name for name in self._reads if name not in self._rates)
+
+    def asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
+        """Return what the hard rules of a course read, as inputs."""
+        names = sorted({name for rule in course.always for name in rule.condition.variables()} - self._judged())
+        return tuple(_as_input(name, self._types[name]) for name in names if _is_bounded(self._types[name]))
+
+    def plan(self, context: Context, now_s: float) -> Plan:
+        """Analyse what is known now, and decide."""
+        scene = self._scene(context, now_s)
+        assessment = assess(self._model, scene)
+        decisions, due_s = self._decide(assessment, now_s)
+        settings, later_s = self._set(assessment, now_s)
+        return Plan(
+            assessment=assessment,
+            analysed=tuple(self._analysed(assessment)),
+            decisions=decisions,
+            settings=settings,
+            due_s=min(due_s, later_s, self._flips_s(assessment.scene, now_s)),
+        )
+
+    # What is read
+
+    def _judged(self) -> set[str]:
+        return set() if self._model.metrics is None else {each.variable for each in self._model.metrics.outputs}
+
+    def _read(self) -> set[str]:
+        stages = [stage for stage in (self._model.metrics, self._model.actions) if stage is not None]
+        names = {each.variable for stage in stages for each in stage.inputs}
+        names |= {each.of for each in self._rates.values()}
+        for course in self.courses.values():
+            names |= {name for rule in course.always for name in rule.condition.variables()}
+        names |= {name for each in self._parameters for name in each.value.variables()}
+        return names - self._judged()
+
+    def _scene(self, context: Context, now_s: float) -> Scene:
+        readings = context.readings(name for name in self._reads if name not in self._rates)
+        scene = {name: Observation.of(reading.at(now_s)) for name, reading in readings.items()}
+        for name, model in self._rates.items():
+            scene[name] = self._rate(model, context, scene[model.of], now_s)
+        return scene
+
+    def _rate(self, model: RateModel, context: Context, present: Observation, now_s: float) -> Observation:
+        found = rate(model, context.history(model.of), present, now_s)
+        limits = self._types[model.variable].range
+        if limits is None or not isinstance(found.value, float):
+            return found
+        return replace(found, value=min(max(found.value, limits[0]), limits[1]))
+
+    # What is written
+
+    def _analysed(self, assessment: Assessment) -> Iterator[Written]:
+        for name in self._rates:
+            seen = assessment.scene[name]
+            yield Written(variable=name, value=seen.value, evidence_s=seen.evidence_s)
+        yield from (_written(each) for each in assessment.metrics.outputs if each.name in self._loop.analyse)
+        actions = {action for course in self.courses.values() for action in course.choose}
+        yield from (_written(each) for each in assessment.actions.outputs if each.name in actions)
+
+    # What is decided
+
+    def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
+        decisions, due_s = [], math.inf
+        for name, course in self.courses.items():
+            standing, decision, later_s = choose(self._model, course, self._standing[name], assessment, now_s)
+            self._standing[name] = standing
+            due_s = min(due_s, later_s)
+            if decision is not None:
+                decisions.append(decision)
+                self.decisions[name].append(decision)
+        return tuple(decisions), due_s
+
+    def _set(self, assessment: Assessment, now_s: float) -> tuple[tuple[Setting, ...], float]:
+        settings, due_s = [], math.inf
+        metrics = metrics_of(self._model, assessment)
+        for model in self._parameters:
+            present = self._settings[model.name]
+            value = model.value.evaluate(SceneScope(assessment.scene, now_s))
+            if value is None or value == present.value:
+                continue
+            free_s = present.since_s + model.dwell_s
+            is_free = free_s <= now_s + _ROUNDING_S
+            if not is_free and not self._is_urgent(model, assessment, present, now_s):
+                due_s = min(due_s, free_s + JUST_AFTER_S)
+                continue
+            settings.append(
+                Setting(
+                    instant_s=now_s,
+                    parameter=model,
+                    value=value,
+                    before=present.value,
+                    since_s=present.since_s,
+                    is_urgent=not is_free,
+                    assessment=assessment,
+                )
+            )
+            self._settings[model.name] = _Parameter(value=value, since_s=now_s, metrics=metrics)
+        return tuple(settings), due_s
+
+    def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
+        """Return whether the value would stand if no metric had become worse since it was set."""
+        worse = worsened(self._model, metrics_of(self._model, assessment), present.metrics)
+        if not worse:
+            return False
+        seen = {name: replace(assessment.scene[name], value=then) for name, then in worse.items()}
+        return model.value.evaluate(SceneScope({**assessment.scene, **seen}, now_s)) == present.value
+
+    def _flips_s(self, scene: Scene, now_s: float) -> float:
+        """Return when a comparison with an age next changes."""
+        scope = SceneScope(scene, now_s)
+        terms = [rule.condition for course in self.courses.values() for rule in course.always]
+        terms += [each.value for each in self._parameters]
+        waits_s = (term.flips_s(scope) for term in terms)
+        return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+
+
+def _written(judged: Judged) -> Written:
+    return Written(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s)
+
+
+def _is_bounded(kind: ValueType) -> bool:
+    return kind.kind == "bool" or bool(kind.members) or (kind.range is not None and kind.kind in ("int", "float"))
+
+
+def _as_input(name: str, kind: ValueType) -> InputModel:
+    if kind.kind == "bool":
+        return InputModel(variable=name, range=Bounds(0.0, 1.0), members=("false", "true"))
+    if kind.members:
+        return InputModel(variable=name, range=Bounds(0.0, len(kind.members) - 1.0), members=kind.members)
+    low, high = kind.range or (-math.inf, math.inf)
+    return InputModel(variable=name, range=Bounds(low, high))

@@ -1,0 +1,126 @@
+"""Decisions as the details of events: plain values, and nothing that is None."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from codra_dsl.runtime.journal.encoding import json_text
+from codra_dsl.runtime.mape.analysis import Assessment, Degree, Judged, Stage
+from codra_dsl.runtime.mape.courses import Decision
+from codra_dsl.runtime.mape.declarations import CourseModel
+from codra_dsl.runtime.mape.keeping import Keeping
+from codra_dsl.runtime.mape.observations import Observation
+
+Details = dict[str, Any]
+
+
+def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
+    """Return the chain of a decision, from what was known to the action."""
+    before = decision.chosen.before
+    rule = decision.rule
+    return _without_none(
+        loop=loop,
+        variable=course.variable or None,
+        action=decision.action,
+        before=decision.before or None,
+        because=str(decision.because),
+        rule=None if rule is None else f"{rule.text} then {rule.action}",
+        place=(course.place if rule is None else rule.place) or None,
+        since_s=_finite(before.since_s),
+        dwell_until_s=_finite(before.dwell_until_s(course)),
+        weights=[_weighed(course, decision, each) for each in _weights(course, decision)],
+        **evidence_of(decision.assessment),
+    )
+
+
+def evidence_of(assessment: Assessment) -> Details:
+    """Return what was known, and what the stages made of it."""
+    stages = (assessment.metrics, assessment.actions)
+    return {
+        "readings": _readings(stages),
+        "degrees": [_degree(each) for each in dict.fromkeys(each for stage in stages for each in stage.degrees)],
+        "rules": [
+            _without_none(
+                text=each.text,
+                concludes=list(each.concludes),
+                place=each.place or None,
+                low=_finite(each.low),
+                high=_finite(each.high),
+            )
+            for stage in stages
+            for each in stage.rules
+        ],
+        "metrics": [_judged(each) for each in assessment.metrics.outputs],
+    }
+
+
+def kept_by(found: Iterable[Keeping]) -> list[Details]:
+    """Return what would have kept a course."""
+    return [
+        _without_none(
+            kind=str(each.kind),
+            name=each.name,
+            value=None if each.value is None else json_text(each.value),
+            other=json_text(each.other),
+            share=each.share,
+        )
+        for each in found
+    ]
+
+
+def _readings(stages: Sequence[Stage]) -> list[Details]:
+    seen: dict[str, Observation] = {each.variable: each for stage in stages for each in stage.inputs}
+    judged = {each.variable for stage in stages for each in stage.outputs}
+    return [
+        _without_none(
+            variable=each.variable,
+            value=None if each.value is None else json_text(each.value),
+            evidence_s=_finite(each.evidence_s),
+            because=each.because or None,
+        )
+        for each in seen.values()
+        if each.variable not in judged
+    ]
+
+
+def _degree(each: Degree) -> Details:
+    return _without_none(variable=each.variable, term=each.term, low=_finite(each.low), high=_finite(each.high))
+
+
+def _judged(each: Judged) -> Details:
+    return _without_none(
+        name=each.name,
+        low=_finite(each.bounds.low),
+        high=_finite(each.bounds.high),
+        value=each.value,
+        evidence_s=_finite(each.evidence_s),
+    )
+
+
+def _weights(course: CourseModel, decision: Decision) -> list[Judged]:
+    return [each for each in decision.assessment.actions.outputs if each.name in course.choose]
+
+
+def _weighed(course: CourseModel, decision: Decision, each: Judged) -> Details:
+    before = decision.chosen.before
+    tracked = before.tracked[each.name]
+    return _judged(each) | _without_none(
+        smoothed=tracked.smoothed,
+        leads_since_s=tracked.leads_since_s,
+        cooldown_until_s=_finite(before.cooldown_until_s(course, each.name)),
+    )
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _without_none(**details: object) -> Details:
+    return {key: detail for key, detail in details.items() if detail is not None}
+
+
+def plain(details: Mapping[str, object]) -> Details:
+    """Return details without what is None."""
+    return _without_none(**details)

@@ -1,0 +1,307 @@
+"""The loops of 'store': what they analyse, choose and execute.
+
+Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
+"""
+
+from codra_dsl.runtime.conditions import choose, value
+from codra_dsl.runtime.mape.declarations import (
+    CourseModel,
+    HardRuleModel,
+    InputModel,
+    LoopModel,
+    MapeModel,
+    OutputModel,
+    ParameterModel,
+    RateModel,
+    StageModel,
+    StageRuleModel,
+    TreeModel,
+)
+from codra_dsl.runtime.mape.fuzzy import terms
+from codra_dsl.runtime.mape.fuzzy.bounds import Bounds
+
+from . import action_engine, metric_engine, tree_mission, tree_picking
+
+MAPE = MapeModel(
+    loops=(
+        LoopModel(
+            name="mission",
+            rates=("battery_drain",),
+            analyse=("safety", "mission_completion", "power_autonomy"),
+            adapt=("course", "speed"),
+            execute=("mission",),
+        ),
+        LoopModel(name="picking", execute=("picking",)),
+    ),
+    metrics=StageModel(
+        infer=metric_engine.infer,
+        infer_bounds=metric_engine.infer_bounds,
+        inputs=(
+            InputModel(
+                variable="bumped",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
+            ),
+            InputModel(
+                variable="person_distance",
+                range=Bounds(0.0, 10.0),
+                terms={"close": lambda x: terms.ramp(x, 2.5, 1.5)},
+            ),
+            InputModel(
+                variable="picking_up",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
+            ),
+            InputModel(
+                variable="order_open",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
+            ),
+            InputModel(
+                variable="loaded",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
+            ),
+            InputModel(
+                variable="battery_level",
+                range=Bounds(0.0, 100.0),
+                terms={"empty": lambda x: terms.ramp(x, 30.0, 10.0), "full": lambda x: terms.ramp(x, 10.0, 30.0)},
+            ),
+            InputModel(
+                variable="battery_drain",
+                range=Bounds(0.0, 5.0),
+                terms={"fast": lambda x: terms.ramp(x, 1.0, 2.0)},
+            ),
+        ),
+        outputs=(
+            OutputModel(name="safety", variable="safety"),
+            OutputModel(name="mission_completion", variable="mission_completion"),
+            OutputModel(name="power_autonomy", variable="power_autonomy"),
+        ),
+        rules=(
+            StageRuleModel(text="if bumped is true then safety is low", concludes=("safety",), reads=("bumped",)),
+            StageRuleModel(
+                text="if bumped is false and person_distance is close and picking_up is true then safety is medium",
+                concludes=("safety",),
+                reads=("bumped", "person_distance", "picking_up"),
+            ),
+            StageRuleModel(
+                text="if bumped is false and person_distance is close and picking_up is false then safety is high",
+                concludes=("safety",),
+                reads=("bumped", "person_distance", "picking_up"),
+            ),
+            StageRuleModel(
+                text="if bumped is false and person_distance is not close then safety is high",
+                concludes=("safety",),
+                reads=("bumped", "person_distance"),
+            ),
+            StageRuleModel(
+                text="if order_open is false then mission_completion is high",
+                concludes=("mission_completion",),
+                reads=("order_open",),
+            ),
+            StageRuleModel(
+                text="if order_open is true and loaded is true then mission_completion is medium",
+                concludes=("mission_completion",),
+                reads=("order_open", "loaded"),
+            ),
+            StageRuleModel(
+                text="if order_open is true and loaded is false then mission_completion is low",
+                concludes=("mission_completion",),
+                reads=("order_open", "loaded"),
+            ),
+            StageRuleModel(
+                text="if battery_level is empty then power_autonomy is low",
+                concludes=("power_autonomy",),
+                reads=("battery_level",),
+            ),
+            StageRuleModel(
+                text="if battery_level is full and battery_drain is fast then power_autonomy is medium",
+                concludes=("power_autonomy",),
+                reads=("battery_level", "battery_drain"),
+            ),
+            StageRuleModel(
+                text="if battery_level is full and battery_drain is not fast then power_autonomy is high",
+                concludes=("power_autonomy",),
+                reads=("battery_level", "battery_drain"),
+            ),
+        ),
+    ),
+    actions=StageModel(
+        infer=action_engine.infer,
+        infer_bounds=action_engine.infer_bounds,
+        inputs=(
+            InputModel(
+                variable="mission_completion",
+                range=Bounds(0.0, 1.0),
+                terms={
+                    "low": lambda x: terms.ramp(x, 0.5, 0.2),
+                    "medium": lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+                    "high": lambda x: terms.ramp(x, 0.5, 0.8),
+                },
+            ),
+            InputModel(
+                variable="safety",
+                range=Bounds(0.0, 1.0),
+                terms={
+                    "low": lambda x: terms.ramp(x, 0.5, 0.2),
+                    "medium": lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+                    "high": lambda x: terms.ramp(x, 0.5, 0.8),
+                },
+            ),
+            InputModel(
+                variable="power_autonomy",
+                range=Bounds(0.0, 1.0),
+                terms={
+                    "low": lambda x: terms.ramp(x, 0.5, 0.2),
+                    "medium": lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+                    "high": lambda x: terms.ramp(x, 0.5, 0.8),
+                },
+            ),
+            InputModel(
+                variable="loaded",
+                range=Bounds(0.0, 1.0),
+                members=("false", "true"),
+                terms={
+                    "false": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "true": lambda x: terms.rectangle(x, 0.5, 1.5),
+                },
+            ),
+            InputModel(
+                variable="container_load",
+                range=Bounds(0.0, 2.0),
+                members=("empty", "loading", "full"),
+                terms={
+                    "empty": lambda x: terms.rectangle(x, -0.5, 0.5),
+                    "loading": lambda x: terms.rectangle(x, 0.5, 1.5),
+                    "full": lambda x: terms.rectangle(x, 1.5, 2.5),
+                },
+            ),
+        ),
+        outputs=(
+            OutputModel(name="pick", variable="weight_of_pick"),
+            OutputModel(name="deliver", variable="weight_of_deliver"),
+            OutputModel(name="start", variable="weight_of_start"),
+            OutputModel(name="dock", variable="weight_of_dock"),
+        ),
+        rules=(
+            StageRuleModel(
+                text="if mission_completion is not high and safety is high and power_autonomy is not low and loaded is false then weight_of_pick is high",
+                concludes=("pick",),
+                reads=("mission_completion", "safety", "power_autonomy", "loaded"),
+            ),
+            StageRuleModel(
+                text="if mission_completion is not high and safety is high and power_autonomy is not low and loaded is true and container_load is not full then weight_of_pick is high",
+                concludes=("pick",),
+                reads=("mission_completion", "safety", "power_autonomy", "loaded", "container_load"),
+            ),
+            StageRuleModel(
+                text="if loaded is true and container_load is full then weight_of_pick is low",
+                concludes=("pick",),
+                reads=("loaded", "container_load"),
+            ),
+            StageRuleModel(
+                text="if mission_completion is high or safety is not high or power_autonomy is low then weight_of_pick is low",
+                concludes=("pick",),
+                reads=("mission_completion", "safety", "power_autonomy"),
+            ),
+            StageRuleModel(
+                text="if loaded is true and container_load is full and safety is not low and power_autonomy is not low then weight_of_deliver is high",
+                concludes=("deliver",),
+                reads=("loaded", "container_load", "safety", "power_autonomy"),
+            ),
+            StageRuleModel(
+                text="if loaded is false or container_load is not full or safety is low or power_autonomy is low then weight_of_deliver is low",
+                concludes=("deliver",),
+                reads=("loaded", "container_load", "safety", "power_autonomy"),
+            ),
+            StageRuleModel(
+                text="if safety is medium and loaded is false then weight_of_start is high",
+                concludes=("start",),
+                reads=("safety", "loaded"),
+            ),
+            StageRuleModel(
+                text="if safety is low or mission_completion is high then weight_of_start is medium",
+                concludes=("start",),
+                reads=("safety", "mission_completion"),
+            ),
+            StageRuleModel(
+                text="if safety is high and mission_completion is not high then weight_of_start is low",
+                concludes=("start",),
+                reads=("safety", "mission_completion"),
+            ),
+            StageRuleModel(
+                text="if safety is medium and loaded is true then weight_of_start is low",
+                concludes=("start",),
+                reads=("safety", "loaded"),
+            ),
+            StageRuleModel(
+                text="if power_autonomy is low then weight_of_dock is high",
+                concludes=("dock",),
+                reads=("power_autonomy",),
+            ),
+            StageRuleModel(
+                text="if power_autonomy is not low then weight_of_dock is low",
+                concludes=("dock",),
+                reads=("power_autonomy",),
+            ),
+        ),
+    ),
+    rates=(RateModel(variable="battery_drain", of="battery_level", over_s=120.0, factor=-60.0),),
+    courses=(
+        CourseModel(
+            name="course",
+            choose=("pick", "deliver", "start", "dock"),
+            otherwise="start",
+            variable="course",
+            smooth_s=1.0,
+            lead=0.1,
+            hold_s=1.0,
+            dwell_s=5.0,
+            always=(
+                HardRuleModel(condition=value("battery_level") < 10, action="dock", text="battery_level < 10 percent"),
+            ),
+        ),
+    ),
+    parameters=(
+        ParameterModel(
+            name="speed",
+            variable="max_speed",
+            value=choose(0.3, (value("person_distance") < 1.5) | (value("safety") < 0.6), 1.2),
+            text="0.3 m/s if person_distance < 1.5 m or safety < 0.6 else 1.2 m/s",
+            dwell_s=3.0,
+        ),
+    ),
+    trees=(
+        TreeModel(
+            name="mission",
+            build=tree_mission.TREES["GlobalManagement"],
+            course="course",
+            branches={"pick": "pick", "deliver": "deliver", "start": "start", "dock": "dock"},
+            tasks=("navigating", "fetching", "lowering"),
+            agent="mission",
+        ),
+        TreeModel(
+            name="picking",
+            build=tree_picking.TREES["PickUpManagement"],
+            tasks=("navigating", "detecting", "rotating", "checking", "lifting"),
+            agent="picking",
+        ),
+    ),
+)

@@ -1,0 +1,184 @@
+"""Fuzzy engine metrics: made from its declaration, not to be edited."""
+
+from __future__ import annotations
+
+import math
+
+from codra_dsl.runtime.mape.fuzzy import bounded_outputs, bounds, defuzzifiers, hedges, norms, outputs, terms
+from codra_dsl.runtime.mape.fuzzy.bounds import BoundedInference, Bounds
+from codra_dsl.runtime.mape.fuzzy.outputs import Inference
+
+INPUTS = (
+    "bumped",
+    "person_distance",
+    "picking_up",
+    "order_open",
+    "loaded",
+    "battery_level",
+    "battery_drain",
+)
+RANGES: tuple[Bounds, ...] = (
+    Bounds(0.0, 1.0),
+    Bounds(0.0, 10.0),
+    Bounds(0.0, 1.0),
+    Bounds(0.0, 1.0),
+    Bounds(0.0, 1.0),
+    Bounds(0.0, 100.0),
+    Bounds(0.0, 5.0),
+)
+OUTPUTS = (
+    "safety",
+    "mission_completion",
+    "power_autonomy",
+)
+RULES = (
+    "if bumped is true then safety is low",
+    "if bumped is false and person_distance is close and picking_up is true then safety is medium",
+    "if bumped is false and person_distance is close and picking_up is false then safety is high",
+    "if bumped is false and person_distance is not close then safety is high",
+    "if order_open is false then mission_completion is high",
+    "if order_open is true and loaded is true then mission_completion is medium",
+    "if order_open is true and loaded is false then mission_completion is low",
+    "if battery_level is empty then power_autonomy is low",
+    "if battery_level is full and battery_drain is fast then power_autonomy is medium",
+    "if battery_level is full and battery_drain is not fast then power_autonomy is high",
+)
+
+SAFETY = outputs.Integral(
+    minimum=0.0,
+    maximum=1.0,
+    resolution=1000,
+    defuzzify=defuzzifiers.centroid,
+    aggregation=norms.maximum,
+    memberships=(
+        lambda x: terms.ramp(x, 0.5, 0.2),
+        lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+        lambda x: terms.ramp(x, 0.5, 0.8),
+    ),
+    conclusions=(
+        outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=2, implication=norms.minimum),
+        outputs.Conclusion(term=2, implication=norms.minimum),
+    ),
+)
+MISSION_COMPLETION = outputs.Integral(
+    minimum=0.0,
+    maximum=1.0,
+    resolution=1000,
+    defuzzify=defuzzifiers.centroid,
+    aggregation=norms.maximum,
+    memberships=(
+        lambda x: terms.ramp(x, 0.5, 0.2),
+        lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+        lambda x: terms.ramp(x, 0.5, 0.8),
+    ),
+    conclusions=(
+        outputs.Conclusion(term=2, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
+    ),
+)
+POWER_AUTONOMY = outputs.Integral(
+    minimum=0.0,
+    maximum=1.0,
+    resolution=1000,
+    defuzzify=defuzzifiers.centroid,
+    aggregation=norms.maximum,
+    memberships=(
+        lambda x: terms.ramp(x, 0.5, 0.2),
+        lambda x: terms.triangle(x, 0.2, 0.5, 0.8),
+        lambda x: terms.ramp(x, 0.5, 0.8),
+    ),
+    conclusions=(
+        outputs.Conclusion(term=0, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=2, implication=norms.minimum),
+    ),
+)
+
+
+def infer(
+    bumped: float,
+    person_distance: float,
+    picking_up: float,
+    order_open: float,
+    loaded: float,
+    battery_level: float,
+    battery_drain: float,
+    *,
+    previous: tuple[float, ...] = (math.nan,) * 3,
+) -> Inference:
+    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    bumped_false = terms.rectangle(bumped, -0.5, 0.5)
+    bumped_true = terms.rectangle(bumped, 0.5, 1.5)
+    person_distance_close = terms.ramp(person_distance, 2.5, 1.5)
+    picking_up_false = terms.rectangle(picking_up, -0.5, 0.5)
+    picking_up_true = terms.rectangle(picking_up, 0.5, 1.5)
+    order_open_false = terms.rectangle(order_open, -0.5, 0.5)
+    order_open_true = terms.rectangle(order_open, 0.5, 1.5)
+    loaded_false = terms.rectangle(loaded, -0.5, 0.5)
+    loaded_true = terms.rectangle(loaded, 0.5, 1.5)
+    battery_level_empty = terms.ramp(battery_level, 30.0, 10.0)
+    battery_level_full = terms.ramp(battery_level, 10.0, 30.0)
+    battery_drain_fast = terms.ramp(battery_drain, 1.0, 2.0)
+    rule_1 = bumped_true
+    rule_2 = norms.minimum(norms.minimum(bumped_false, person_distance_close), picking_up_true)
+    rule_3 = norms.minimum(norms.minimum(bumped_false, person_distance_close), picking_up_false)
+    rule_4 = norms.minimum(bumped_false, hedges.not_(person_distance_close))
+    rule_5 = order_open_false
+    rule_6 = norms.minimum(order_open_true, loaded_true)
+    rule_7 = norms.minimum(order_open_true, loaded_false)
+    rule_8 = battery_level_empty
+    rule_9 = norms.minimum(battery_level_full, battery_drain_fast)
+    rule_10 = norms.minimum(battery_level_full, hedges.not_(battery_drain_fast))
+    safety = SAFETY.value((rule_1, rule_2, rule_3, rule_4))
+    safety = outputs.clipped(safety, 0.0, 1.0)
+    mission_completion = MISSION_COMPLETION.value((rule_5, rule_6, rule_7))
+    mission_completion = outputs.clipped(mission_completion, 0.0, 1.0)
+    power_autonomy = POWER_AUTONOMY.value((rule_8, rule_9, rule_10))
+    power_autonomy = outputs.clipped(power_autonomy, 0.0, 1.0)
+    return Inference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10))
+
+
+def infer_bounds(
+    bumped: Bounds,
+    person_distance: Bounds,
+    picking_up: Bounds,
+    order_open: Bounds,
+    loaded: Bounds,
+    battery_level: Bounds,
+    battery_drain: Bounds,
+    *,
+    previous: tuple[Bounds, ...] = (bounds.UNKNOWN,) * 3,
+) -> BoundedInference:
+    """Return the outputs and the strengths of the rules; `previous` are the outputs before."""
+    bumped_false = bounds.image(terms.rectangle, bumped, -0.5, 0.5)
+    bumped_true = bounds.image(terms.rectangle, bumped, 0.5, 1.5)
+    person_distance_close = bounds.image(terms.ramp, person_distance, 2.5, 1.5)
+    picking_up_false = bounds.image(terms.rectangle, picking_up, -0.5, 0.5)
+    picking_up_true = bounds.image(terms.rectangle, picking_up, 0.5, 1.5)
+    order_open_false = bounds.image(terms.rectangle, order_open, -0.5, 0.5)
+    order_open_true = bounds.image(terms.rectangle, order_open, 0.5, 1.5)
+    loaded_false = bounds.image(terms.rectangle, loaded, -0.5, 0.5)
+    loaded_true = bounds.image(terms.rectangle, loaded, 0.5, 1.5)
+    battery_level_empty = bounds.image(terms.ramp, battery_level, 30.0, 10.0)
+    battery_level_full = bounds.image(terms.ramp, battery_level, 10.0, 30.0)
+    battery_drain_fast = bounds.image(terms.ramp, battery_drain, 1.0, 2.0)
+    rule_1 = bumped_true
+    rule_2 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, person_distance_close), picking_up_true)
+    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, person_distance_close), picking_up_false)
+    rule_4 = bounds.norm(norms.minimum, bumped_false, bounds.hedge(hedges.not_, person_distance_close))
+    rule_5 = order_open_false
+    rule_6 = bounds.norm(norms.minimum, order_open_true, loaded_true)
+    rule_7 = bounds.norm(norms.minimum, order_open_true, loaded_false)
+    rule_8 = battery_level_empty
+    rule_9 = bounds.norm(norms.minimum, battery_level_full, battery_drain_fast)
+    rule_10 = bounds.norm(norms.minimum, battery_level_full, bounds.hedge(hedges.not_, battery_drain_fast))
+    safety = bounded_outputs.integral(SAFETY, (rule_1, rule_2, rule_3, rule_4))
+    safety = bounds.clipped(safety, 0.0, 1.0)
+    mission_completion = bounded_outputs.integral(MISSION_COMPLETION, (rule_5, rule_6, rule_7))
+    mission_completion = bounds.clipped(mission_completion, 0.0, 1.0)
+    power_autonomy = bounded_outputs.integral(POWER_AUTONOMY, (rule_8, rule_9, rule_10))
+    power_autonomy = bounds.clipped(power_autonomy, 0.0, 1.0)
+    return BoundedInference((safety, mission_completion, power_autonomy), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10))

@@ -1,0 +1,152 @@
+"""Behaviour trees of specs/trees/mission.xml.
+
+Made by codra; edits are lost.
+"""
+
+from collections.abc import Callable, Mapping
+
+from codra_dsl.runtime.trees import Conditions, Entry, Leaf, Node, Subtree, Switch, create, fallback, sequence
+
+
+def global_management_tree() -> Node:
+    """Return the tree GlobalManagement."""
+    return Node(
+        "course",
+        Switch(Entry("course"), "deliver", "start", "dock"),
+        Node(
+            "DefaultDeliver",
+            Subtree(constants={"delivery_pose": "general_delivery", "start_pose": "start"}),
+            default_deliver_tree(),
+        ),
+        Node(
+            "ToStart",
+            Subtree(constants={"start_pose": "start"}),
+            to_start_tree(),
+        ),
+        Node(
+            "Dock",
+            Subtree(constants={"charging_pose": "charging_station"}),
+            dock_tree(),
+        ),
+        Node(
+            "PickDeliverStart",
+            Subtree(
+                remapped={
+                    "observation_pose": "observation_pose",
+                    "delivery_pose": "delivery_pose",
+                    "outcome": "outcome",
+                },
+                constants={"start_pose": "start"},
+            ),
+            pick_deliver_start_tree(),
+        ),
+    )
+
+
+def pick_deliver_start_tree() -> Node:
+    """Return the tree PickDeliverStart."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node(
+            "TakeOrder",
+            Leaf(
+                "TakeOrder",
+                outputs={"observation_pose": Entry("observation_pose"), "delivery_pose": Entry("delivery_pose")},
+            ),
+        ),
+        Node(
+            "serve the order",
+            fallback(),
+            Node(
+                "pick up and deliver",
+                sequence(),
+                Node("to the picking area", Leaf("MoveTo", inputs={"pose": Entry("observation_pose")})),
+                Node("PickUp", Leaf("PickUp")),
+                Node(
+                    "PutDown",
+                    Subtree(remapped={"delivery_pose": "delivery_pose"}),
+                    put_down_tree(),
+                ),
+                Node("Inform", Leaf("Inform", inputs={"message": "mission completed"})),
+                conditions=Conditions(
+                    on_success=(create("outcome", lambda it: "completed"),),
+                    on_failure=(create("outcome", lambda it: "aborted"),),
+                ),
+            ),
+            Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+        ),
+        Node(
+            "ToStart",
+            Subtree(remapped={"start_pose": "start_pose"}),
+            to_start_tree(),
+        ),
+    )
+
+
+def default_deliver_tree() -> Node:
+    """Return the tree DefaultDeliver."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node(
+            "PutDown",
+            Subtree(remapped={"delivery_pose": "delivery_pose"}),
+            put_down_tree(),
+        ),
+        Node("Inform", Leaf("Inform", inputs={"message": "roll container delivered"})),
+        Node(
+            "ToStart",
+            Subtree(remapped={"start_pose": "start_pose"}),
+            to_start_tree(),
+        ),
+    )
+
+
+def to_start_tree() -> Node:
+    """Return the tree ToStart."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node("to the start", Leaf("MoveTo", inputs={"pose": Entry("start_pose")})),
+    )
+
+
+def dock_tree() -> Node:
+    """Return the tree Dock."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node("to the charging station", Leaf("MoveTo", inputs={"pose": Entry("charging_pose")})),
+        Node("Inform", Leaf("Inform", inputs={"message": "charging"})),
+    )
+
+
+def put_down_tree() -> Node:
+    """Return the tree PutDown."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node("to the delivery pose", Leaf("MoveTo", inputs={"pose": Entry("delivery_pose")})),
+        Node("LowerFork", Leaf("LowerFork")),
+    )
+
+
+TREES: Mapping[str, Callable[[], Node]] = {
+    "GlobalManagement": global_management_tree,
+    "PickDeliverStart": pick_deliver_start_tree,
+    "DefaultDeliver": default_deliver_tree,
+    "ToStart": to_start_tree,
+    "Dock": dock_tree,
+    "PutDown": put_down_tree,
+}
+
+MAIN: str | None = "GlobalManagement"
+
+ACTIONS: tuple[str, ...] = (
+    "Inform",
+    "LowerFork",
+    "MoveTo",
+    "PickUp",
+    "TakeOrder",
+)

@@ -1,0 +1,95 @@
+"""Behaviour trees of specs/trees/pick_up.xml.
+
+Made by codra; edits are lost.
+"""
+
+from collections.abc import Callable, Mapping
+
+from codra_dsl.runtime.trees import Entry, Leaf, Node, Subtree, fallback, force_failure, reactive_sequence, sequence
+
+
+def pick_up_management_tree() -> Node:
+    """Return the tree PickUpManagement."""
+    return Node(
+        "ReactiveSequence",
+        reactive_sequence(),
+        Node("IsRequested", Leaf("IsRequested", outputs={"second_observation_pose": Entry("second_observation_pose")})),
+        Node(
+            "answer the request",
+            fallback(),
+            Node(
+                "fetched",
+                sequence(),
+                Node(
+                    "Fetch",
+                    Subtree(remapped={"second_observation_pose": "second_observation_pose"}),
+                    fetch_tree(),
+                ),
+                Node("Report", Leaf("Report", inputs={"result": "fetched"})),
+            ),
+            Node("Report", Leaf("Report", inputs={"result": "failed"})),
+        ),
+    )
+
+
+def fetch_tree() -> Node:
+    """Return the tree Fetch."""
+    return Node(
+        "Sequence",
+        sequence(),
+        Node(
+            "find the roll container",
+            fallback(),
+            Node("from the first pose", Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")})),
+            Node(
+                "look again",
+                sequence(),
+                Node(
+                    "to the second observation pose",
+                    Leaf("MoveTo", inputs={"pose": Entry("second_observation_pose")}),
+                ),
+                Node(
+                    "from the second pose",
+                    Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")}),
+                ),
+            ),
+            Node(
+                "ForceFailure",
+                force_failure(),
+                Node(
+                    "Sequence",
+                    sequence(),
+                    Node("Inform", Leaf("Inform", inputs={"message": "no roll container found"})),
+                    Node("Report", Leaf("Report", inputs={"result": "not_found"})),
+                ),
+            ),
+        ),
+        Node("approach it", Leaf("MoveTo", inputs={"pose": Entry("container_pose")})),
+        Node(
+            "a last check that it was not moved",
+            Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")}),
+        ),
+        Node("Rotate", Leaf("Rotate", inputs={"angle_deg": "180"})),
+        Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
+        Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
+        Node("RaiseFork", Leaf("RaiseFork")),
+    )
+
+
+TREES: Mapping[str, Callable[[], Node]] = {
+    "PickUpManagement": pick_up_management_tree,
+    "Fetch": fetch_tree,
+}
+
+MAIN: str | None = "PickUpManagement"
+
+ACTIONS: tuple[str, ...] = (
+    "CheckWheels",
+    "DetectContainer",
+    "Inform",
+    "IsRequested",
+    "MoveTo",
+    "RaiseFork",
+    "Report",
+    "Rotate",
+)
