@@ -100,7 +100,7 @@ def experiment_command(
     if trial is None:
         _report(found, settings, root, processes)
     else:
-        _run_alone(_named(trial, found.trials(settings)), settings)
+        _run_alone(_named(trial, _trials(found, settings)), settings)
 
 
 def _known() -> Mapping[str, Experiment]:
@@ -174,7 +174,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     from codra_dsl.experiments.results import write_results
 
     revision = revision_of(root, settings.folder)
-    trials = experiment.trials(settings)
+    trials = _trials(experiment, settings)
     reached = _Reached()
     used = processes or cores()
     outcomes = _outcomes(trials, settings.folder, used, reached)
@@ -195,6 +195,12 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         paths = write_results(settings.folder, experiment, document, outcomes, provenance)
     write_result("".join(f"{sentence}\n" for sentence in document.summary))
     say("\n".join(path.as_posix() for path in paths))
+
+
+def _trials(experiment: Experiment, settings: Settings) -> Sequence[Trial]:
+    """Return what an experiment runs; some write specs of their own for it."""
+    with _told(settings.folder, _Reached()):
+        return experiment.trials(settings)
 
 
 def _outcomes(trials: Sequence[Trial], folder: Path, processes: int, reached: _Reached) -> Mapping[str, Outcome]:

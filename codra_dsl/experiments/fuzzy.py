@@ -59,7 +59,7 @@ def draw_surface(
         inputs: the names of those along x and y.
         fixed: the values of the other inputs; the middle of their range by default.
     """
-    heights = _heights(engine, output, inputs, fixed or {})
+    heights = surface(engine, output, inputs, fixed or {})
     first, second = (engine.variable(name) for name in inputs)
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     axes = figure.add_subplot()
@@ -74,7 +74,8 @@ def draw_surface(
     _save(figure, path)
 
 
-def _heights(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
+def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return what `draw_surface` draws: a row for each of 61 values of the second input, the least first."""
     infer = load_engine(engine).infer
     index = [each.name for each in engine.outputs].index(output)
     usual = {each.name: (each.minimum + each.maximum) / 2.0 for each in engine.inputs} | dict(fixed)

@@ -13,7 +13,7 @@ from codra_dsl.experiments.beyond.standing import (
     runs_sentence,
     standings,
     standings_as_data,
-    standings_table,
+    standings_tables,
 )
 from codra_dsl.experiments.beyond.works import BOTH_AND_BACK
 from codra_dsl.experiments.document import Document, Section, Words
@@ -88,13 +88,12 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     lids, views = (standings(told, names, PRECONDITIONS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
     caption = (
         "{}, over all runs. Differences are to all conditions, with 95 % intervals over paired runs: below zero, the "
-        "condition that was taken away was worth something. Asked: what was held when a decision needed it. Marked: "
-        "wrong then."
+        "condition that was taken away was worth something."
     )
     sections = (
         Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
-        Section(title="Lids and latches", parts=(standings_table(lids, caption.format("Lids and latches")),)),
-        Section(title="What is in view", parts=(standings_table(views, caption.format("Bases and lids in view")),)),
+        Section(title="Lids and latches", parts=standings_tables(lids, caption.format("Lids and latches"))),
+        Section(title="What is in view", parts=standings_tables(views, caption.format("Bases and lids in view"))),
     )
     return Document(
         title="lab-ablation: what each condition is worth",

@@ -15,7 +15,7 @@ from codra_dsl.experiments.beyond.standing import (
     runs_sentence,
     standings,
     standings_as_data,
-    standings_table,
+    standings_tables,
 )
 from codra_dsl.experiments.beyond.works import Tending
 from codra_dsl.experiments.document import Document, Drawing, Section, Words
@@ -114,13 +114,12 @@ def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
     yield Section(title="Arms", parts=(Words(text=_NOTE), lines, arms_table(ARMS)))
     yield Section(title="Over the number of machines", parts=(_drawn(lids),))
     caption = (
-        "{}, {} machines, over all runs. Differences are to naive observers, with 95 % intervals over paired runs; "
-        "asked: what was held when a decision needed it. Marked: wrong then."
+        "{}, {} machines, over all runs. Differences are to naive observers, with 95 % intervals over paired runs."
     )
     for count in lids:
         parts = (
-            standings_table(lids[count], caption.format("Lids and latches of the two machines tended", count)),
-            standings_table(views[count], caption.format("Their bases and lids in view", count)),
+            *standings_tables(lids[count], caption.format("Lids and latches of the two machines tended", count)),
+            *standings_tables(views[count], caption.format("Their bases and lids in view", count)),
         )
         yield Section(title=f"{count} machines", parts=parts)
 

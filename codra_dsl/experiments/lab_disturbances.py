@@ -11,7 +11,7 @@ from codra_dsl.experiments.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, 
 from codra_dsl.experiments.beyond.standing import reported_seeds, runs_sentence
 from codra_dsl.experiments.beyond.works import Waiting
 from codra_dsl.experiments.counting import Seconds, seconds, total
-from codra_dsl.experiments.document import Document, Section, Table, Words
+from codra_dsl.experiments.document import Cell, Document, Section, Table, Words
 from codra_dsl.experiments.experiment import Experiment, Settings
 from codra_dsl.experiments.outcomes import Outcome
 from codra_dsl.experiments.robustness import drawings
@@ -191,31 +191,37 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 
 def _section(episode: Episode, found: Sequence[Belief]) -> Section:
     caption = (
-        f"From {episode.start_s:g} s to {episode.over_s:g} s, and after it to {episode.until_s:g} s, seconds over all "
-        "runs. Right again: mean from the begin to when the arm was right to stay so; less that of naive observers, "
-        "with 95 % intervals over the runs in which both were. Marked: seconds wrong."
+        f"From {episode.start_s:g} s to {episode.over_s:g} s, and after it to {episode.until_s:g} s: seconds over all "
+        "runs. Marked: seconds wrong."
     )
-    rows = [_row(one, _naive(found, one.variable)) for one in found]
-    header = (
-        *("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s"),
-        *("right again s", "less naive s", "never right again"),
-    )
-    table = plain_table(caption, header, rows)
+    rows = [_believed_row(one) for one in found]
+    header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
     marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
-    return Section(
-        title=episode.name.capitalize(),
-        parts=(Table(caption=caption, header=table.header, rows=table.rows, marked=marked),),
+    again = plain_table(
+        "Right again: mean from the begin to when the arm was right to stay so, over the runs in which it was before "
+        "the next disturbance; unknown is not right. Less naive: with 95 % intervals over the runs in which both were.",
+        ("variable", "arm", "right again s", "less naive s", "runs never"),
+        [_again_row(one, _naive(found, one.variable)) for one in found],
     )
+    parts = (Table(caption=caption, header=header, rows=rows, marked=marked), again)
+    return Section(title=episode.name.capitalize(), parts=parts)
 
 
-def _row(one: Belief, naive: Belief) -> Sequence[str | float | int | None]:
+def _believed_row(one: Belief) -> Sequence[Cell]:
     during, after = one.during, one.after
-    told = [each for each in one.right_again_s if each is not None]
     return (
         label(one.variable),
         one.arm,
         *(round(each, 1) for each in (during.right_s, during.wrong_s, during.unknown_s)),
         *(round(each, 1) for each in (after.right_s, after.wrong_s, after.unknown_s)),
+    )
+
+
+def _again_row(one: Belief, naive: Belief) -> Sequence[Cell]:
+    told = [each for each in one.right_again_s if each is not None]
+    return (
+        label(one.variable),
+        one.arm,
         rounded(math.fsum(told) / len(told), 1) if told else None,
         None if one.arm == naive.arm else interval(_less(one, naive), 1),
         len(one.right_again_s) - len(told),
@@ -236,10 +242,15 @@ def _less(one: Belief, other: Belief) -> Estimate:
 def _summary(found: Sequence[Belief]) -> Iterator[str]:
     for episode in EPISODES:
         lids = [one for one in found if one.episode is episode and one.variable == LID]
-        wrong = "; ".join(
-            f"{one.arm} {one.during.wrong_s + one.after.wrong_s:.0f} s wrong, {_again(one)}" for one in lids
-        )
-        yield f"{episode.name.capitalize()}; {label(LID)} in {len(lids[0].right_again_s)} runs: {wrong}."
+        what = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
+        if not any(_wrong_s(one) for one in lids):
+            yield f"{what}: no arm was wrong about {label(LID)} for any time."
+        else:
+            yield f"{what}: {'; '.join(f'{one.arm}, {_wrong_s(one):.0f} s wrong, {_again(one)}' for one in lids)}."
+
+
+def _wrong_s(one: Belief) -> float:
+    return one.during.wrong_s + one.after.wrong_s
 
 
 def _again(one: Belief) -> str:

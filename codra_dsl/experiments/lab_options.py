@@ -13,7 +13,7 @@ from codra_dsl.experiments.beyond.standing import (
     runs_sentence,
     standings,
     standings_as_data,
-    standings_table,
+    standings_tables,
 )
 from codra_dsl.experiments.beyond.works import BOTH_AND_BACK
 from codra_dsl.experiments.document import Document, Section, Words
@@ -76,10 +76,7 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
     """
     told, vision = list(outcomes.values()), vision_algorithms(loaded(settings.spec))
     lids, views = (standings(told, names, AS_IT_STANDS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
-    caption = (
-        "{}, over all runs. Differences are to the spec as it stands, with 95 % intervals over paired runs; asked: "
-        "what was held when a decision needed it. Marked: wrong then."
-    )
+    caption = "{}, over all runs. Differences are to the spec as it stands, with 95 % intervals over paired runs."
     return Document(
         title="lab-options: what each option does",
         summary=(*_summary(lids), runs_sentence(told)),
@@ -87,11 +84,11 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
             Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
             Section(
                 title="Lids and latches",
-                parts=(standings_table(lids, caption.format("Lids and latches of both machines")),),
+                parts=standings_tables(lids, caption.format("Lids and latches of both machines")),
             ),
             Section(
                 title="What is in view",
-                parts=(standings_table(views, caption.format("Bases and lids in view")),),
+                parts=standings_tables(views, caption.format("Bases and lids in view")),
             ),
         ),
         results={"lids_and_latches": standings_as_data(lids), "in_view": standings_as_data(views)},

@@ -13,7 +13,7 @@ from codra_dsl.experiments.beyond.standing import (
     runs_sentence,
     standings,
     standings_as_data,
-    standings_table,
+    standings_tables,
 )
 from codra_dsl.experiments.beyond.works import Tending
 from codra_dsl.experiments.document import Document, Section, Table, Words
@@ -106,10 +106,10 @@ def _sections(told: Sequence[Outcome], found: Mapping[str, Sequence[Standing]]) 
     yield Section(title="Arms", parts=(Words(text=note), arms_table(ARMS)))
     caption = (
         "Lid and latch of the {}, over all runs. Differences are to naive observers, with 95 % intervals over paired "
-        "runs; asked: what was held when a decision needed it. Marked: wrong then."
+        "runs."
     )
     for machine in _MACHINES:
-        parts = (standings_table(found[machine], caption.format(machine)), _variables(told, machine))
+        parts = (*standings_tables(found[machine], caption.format(machine)), _variables(told, machine))
         yield Section(title=f"The {machine}", parts=parts)
     caption = "What was true and what each arm held; red behind what was wrong."
     yield Section(title="One run over time", parts=(drawings.timeline(told[0], f"{THIRD.name}_open", caption),))

@@ -1,7 +1,7 @@
 """Scripts of BehaviorTree.CPP -> syntax trees of the condition language, with assignments around them.
 
-From loosest to tightest: `a ? b : c`, `||`, `&&`, comparisons, `+ -`, `* /`, then `! -`. Comparisons form chains. What
-the condition language cannot say, bits above all, is refused with its place.
+From loosest to tightest: `a ? b : c`, `||` or `&&`, comparisons, `+ -`, `* /`, then `! -`. Comparisons form chains.
+What the condition language cannot say, bits above all, is refused with its place.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ _TOKEN = re.compile(
     |(?P<number>0[xX][0-9a-fA-F]+|(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
     |(?P<text>'[^']*')
     |(?P<name>[A-Za-z_@][A-Za-z0-9_]*)
-    |(?P<symbol>:=|\+=|-=|\*=|/=|==|!=|<=|>=|&&|\|\||[-+*/<>=!?:;()&|^~])""",
+    |(?P<symbol>:=|\.\.|\+=|-=|\*=|/=|==|!=|<=|>=|&&|\|\||[-+*/<>=!?:;()&|^~])""",
     re.VERBOSE,
 )
 _ASSIGNMENTS = frozenset({":=", "=", "+=", "-=", "*=", "/="})
+_JOINING = frozenset({"&&", "||"})
 _COMPARISONS = frozenset(Comparison)
 _BITS = frozenset({"&", "|", "^", "~"})
 _MAX_NUMBER_LETTERS = 40
@@ -187,7 +188,7 @@ class _Parser:
         if self._depth > MAX_DEPTH:
             at = self._next
             raise _slip("the script is nested too deeply", at.start, at.end, "split it", "script-unsupported")
-        condition = self._series("||", Or, lambda: self._series("&&", And, self._comparison))
+        condition = self._series()
         if self._next.text == "?":
             self._take()
             then = self._choice()
@@ -199,13 +200,21 @@ class _Parser:
         self._depth -= 1
         return condition
 
-    def _series(self, sign: str, kind: type[Or] | type[And], operand: Callable[[], Node]) -> Node:
-        operands = [operand()]
-        while self._next.text == sign:
+    def _series(self) -> Node:
+        """Read operands joined by `&&` or by `||`: the library takes both from left to right, so they are not mixed."""
+        operands = [self._comparison()]
+        sign = self._next.text
+        while self._next.text in _JOINING:
+            joined = self._next
+            if joined.text != sign:
+                message = "'&&' and '||' side by side are read from left to right, not as in C"
+                way_out = "put parentheses around what belongs together"
+                raise _slip(message, joined.start, joined.end, way_out, "script-unsupported")
             self._take()
-            operands.append(operand())
+            operands.append(self._comparison())
         if len(operands) == 1:
             return operands[0]
+        kind = And if sign == "&&" else Or
         return kind(start=operands[0].start, end=operands[-1].end, operands=tuple(operands))
 
     def _comparison(self) -> Node:
@@ -272,6 +281,8 @@ class _Parser:
             way_out = "use &&, || and !, or compute it in an action of the robot"
             message = f"'{token.text}' works on bits, which conditions cannot say"
             return _slip(message, token.start, token.end, way_out, "script-unsupported")
+        if token.text == "..":
+            return _slip("'..' joins texts", token.start, token.end, "write '+'", "script-unsupported")
         return _slip(f"{token.text!r} is out of place", token.start, token.end, "remove it, or add an operator")
 
 

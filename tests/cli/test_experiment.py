@@ -263,6 +263,19 @@ def test_a_spec_with_errors_is_shown_as_compile_shows_it(project: Path) -> None:
     assert not (project / "runs").exists()
 
 
+def test_a_spec_to_which_no_machine_can_be_added_is_refused_in_a_line(project: Path) -> None:
+    spec = project / "specs/lab.yaml"
+    text = spec.read_text()
+    uses = text[text.index("use:\n") : text.index("perception:\n")]
+    inline = ", ".join(line.split("#")[0].strip() for line in uses.splitlines()[1:] if line.strip())
+    spec.write_text(text.replace(uses, f"use: {{{inline}}}\n\n"))
+    done = codra("experiment", "lab-transfer", cwd=project)
+
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith("codra: the spec has no block of lines under 'use'")
+    assert "Traceback" not in done.stderr
+
+
 def test_a_spec_for_something_else_is_told_what_the_lab_needs(project: Path) -> None:
     (project / "specs/door.yaml").write_text(DOOR)
 

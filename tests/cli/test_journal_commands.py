@@ -174,9 +174,8 @@ def test_the_events_of_a_run_are_shown_one_a_line(project: Path) -> None:
     assert "input" not in {line.split("  ")[1].split()[0] for line in all_of_it.stdout.splitlines()}
     refused = codra("journal", "show", "run.mcap", "--kind", "descision", cwd=project)
     assert refused.returncode == 2
-    assert "'descision' is none of variable, observer, job, decision, declaration, expectation, input" in " ".join(
-        refused.stderr.split()
-    )
+    kinds = "variable, observer, job, decision, declaration, expectation, knowledge, input"
+    assert f"'descision' is none of {kinds}" in " ".join(refused.stderr.split())
 
 
 def test_an_instant_may_be_the_time_of_day(project: Path, tmp_path: Path) -> None:

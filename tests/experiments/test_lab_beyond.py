@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from codra_dsl.experiments import lab_ablation, lab_options
+from codra_dsl.check import check
+from codra_dsl.experiments import lab_ablation, lab_budgets, lab_options, lab_sensitivity, lab_transfer
 from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS
+from codra_dsl.experiments.beyond.more_machines import FURTHER, spec_with
+from codra_dsl.experiments.beyond.parameters import ScaledNumber
 from codra_dsl.experiments.beyond.standing import LIDS_AND_LATCHES, pooled, standings
 from codra_dsl.experiments.beyond.works import Tending, Waiting
-from codra_dsl.experiments.document import Document, Table
+from codra_dsl.experiments.document import Document, Drawing, Table
 from codra_dsl.experiments.edits import Without
 from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Experiment, Settings
 from codra_dsl.experiments.lab_disturbances import EPISODES, LID, Belief, Episode, believed, right_again_s
@@ -23,12 +27,21 @@ from codra_dsl.experiments.outcomes import Outcome
 from codra_dsl.experiments.registry import experiments
 from codra_dsl.experiments.robustness.findings import Runs
 from codra_dsl.experiments.scoring import Piece
-from codra_dsl.experiments.spec_run import loaded
+from codra_dsl.experiments.spec_run import SpecError, loaded
 from codra_dsl.experiments.trials import Trial, run_trial
+from codra_dsl.model import Condition
 from codra_dsl.worlds.lab.laboratory import LABORATORY, LidMoved, PersonBefore
 
 SPEC = Path(__file__).parents[2] / "specs" / "lab.yaml"
-DURATION_S = 60.0
+DURATION_S = 40.0
+BEYOND = [
+    DISTURBANCES,
+    lab_options.EXPERIMENT,
+    lab_ablation.EXPERIMENT,
+    lab_transfer.EXPERIMENT,
+    lab_budgets.EXPERIMENT,
+    lab_sensitivity.EXPERIMENT,
+]
 
 
 def settings(folder: Path, seeds: int = 2) -> Settings:
@@ -41,11 +54,11 @@ class Judged:
     document: Document
 
 
-def judged(experiment: Experiment, folder: Path) -> Judged:
-    """Two short runs of an experiment, and the report on them."""
-    asked = settings(folder)
+def judged(experiment: Experiment, folder: Path, seeds: int = 2, duration_s: float = DURATION_S) -> Judged:
+    """Short runs of an experiment, and the report on them."""
+    asked = settings(folder, seeds)
     outcomes = {
-        trial.name: run_trial(replace(trial, duration_s=DURATION_S), folder / trial.name)
+        trial.name: run_trial(replace(trial, duration_s=duration_s), folder / trial.name)
         for trial in experiment.trials(asked)
     }
     return Judged(outcomes=outcomes, document=experiment.judge(asked, outcomes))
@@ -58,7 +71,7 @@ def options(tmp_path_factory: pytest.TempPathFactory) -> Judged:
 
 @pytest.fixture(scope="module")
 def ablation(tmp_path_factory: pytest.TempPathFactory) -> Judged:
-    return judged(lab_ablation.EXPERIMENT, tmp_path_factory.mktemp("ablation"))
+    return judged(lab_ablation.EXPERIMENT, tmp_path_factory.mktemp("ablation"), seeds=1)
 
 
 def tables(document: Document) -> list[Table]:
@@ -66,10 +79,10 @@ def tables(document: Document) -> list[Table]:
 
 
 def test_they_are_found_by_name() -> None:
-    assert set(experiments()) >= {"lab-ablation", "lab-disturbances", "lab-options"}
+    assert set(experiments()) >= {each.name for each in BEYOND}
 
 
-@pytest.mark.parametrize("experiment", [DISTURBANCES, lab_options.EXPERIMENT, lab_ablation.EXPERIMENT])
+@pytest.mark.parametrize("experiment", BEYOND)
 def test_reports_are_made_of_seeds_that_nothing_was_tuned_on(experiment: Experiment, tmp_path: Path) -> None:
     trials = experiment.trials(settings(tmp_path, experiment.seeds))
 
@@ -129,6 +142,17 @@ def test_an_arm_stands_where_a_recount_puts_it(ablation: Judged) -> None:
     assert first.triggers == sum(outcome.arms[first.arm].triggers["localize_centrifuge_lid"] for outcome in told)
 
 
+def test_differences_are_over_what_both_arms_came_to_know(ablation: Judged) -> None:
+    told = list(ablation.outcomes.values())
+    found = {one.arm: one for one in standings(told, LIDS_AND_LATCHES, PRECONDITIONS.name, ())}
+    centrifuge = ("centrifuge_open", "centrifuge_locked")
+    known = {one.arm: one for one in standings(told, centrifuge, PRECONDITIONS.name, ())}
+
+    assert found[PRECONDITIONS.name].left_out >= 2  # nobody has driven to the PCR-cycler yet
+    assert found[NAIVE.name].left_out < found[PRECONDITIONS.name].left_out
+    assert found[NAIVE.name].paper_difference == known[NAIVE.name].paper_difference
+
+
 def test_without_its_precondition_an_algorithm_also_looks_from_afar(ablation: Judged) -> None:
     arm = "*_in_view without *_in_observable_distance"
     outcome = next(iter(ablation.outcomes.values()))
@@ -158,7 +182,7 @@ def test_right_again_is_when_it_stays_right_to_the_end(held: tuple[Piece, ...], 
 
 
 def test_episodes_follow_each_other_and_hold_their_disturbances() -> None:
-    for before, after in itertools.pairwise(EPISODES):
+    for before, after in pairwise(EPISODES):
         assert before.start_s < before.over_s < before.until_s == after.start_s
     for episode in EPISODES:
         assert all(episode.start_s <= each.at_s < episode.over_s for each in episode.disturbances)
@@ -209,3 +233,87 @@ def test_what_happens_behind_a_person_is_believed_wrongly_until_the_person_has_g
 
 def test_waiting_ends_at_its_instant_with_what_is_open_closed() -> None:
     assert DISTURBANCES.trials(settings(Path(), 1))[0].work == Waiting(machine="pcr_cycler", until_s=1380.0)
+
+
+# More machines, and other laboratories
+
+
+def test_a_third_machine_needs_one_line_more_and_is_known_and_seen(tmp_path: Path) -> None:
+    told = judged(lab_transfer.EXPERIMENT, tmp_path, seeds=1, duration_s=70.0)
+    before, after = SPEC.read_text().splitlines(), (tmp_path / "spec" / "lab.yaml").read_text().splitlines()
+    (outcome,) = told.outcomes.values()
+
+    assert [line for line in after if line not in before] == [f"  {told.document.results['line']}"]
+    assert [line for line in after if line in before] == before
+    assert outcome.arms[NAIVE.name].first_s["shaker_open"] is not None
+    assert outcome.arms[PRECONDITIONS.name].first_s["shaker_open"] is not None
+    assert "Lid and latch of the shaker" in told.document.summary[0]
+
+
+def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bare.yaml").write_text(
+        "codra: 1\nname: bare\ncontext:\n  near: {type: bool, source: main_execution}\n"
+    )
+
+    with pytest.raises(SpecError, match="under 'use'"):
+        spec_with(tmp_path / "bare.yaml", FURTHER, tmp_path / "made")
+
+
+def test_more_machines_make_the_slot_dearer_for_naive_observers(tmp_path: Path) -> None:
+    told = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
+    jobs = {
+        count: told.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
+        for count in lab_budgets.MACHINES
+    }
+
+    assert jobs[2]["localize_centrifuge_lid"] > jobs[4]["localize_centrifuge_lid"] > jobs[8]["localize_centrifuge_lid"]
+    assert {name for name in jobs[8] if name.startswith("localize_") and name.endswith("_lid")} == {
+        f"localize_{machine}_lid" for machine in ("centrifuge", "pcr_cycler", *(each.name for each in FURTHER))
+    }
+    assert {len(row) for table in tables(told.document) for row in table.rows} == {3, 8}
+
+
+def test_further_machines_stand_in_free_places_with_tags_of_their_own() -> None:
+    machines = LABORATORY.with_machines(*FURTHER).machines
+    ids = [tag.tag_id for machine in machines for tag in machine.tags]
+
+    assert len(set(ids)) == len(ids)
+    for first, second in combinations(machines, 2):
+        assert np.linalg.norm(first.map_from_base.translation_m - second.map_from_base.translation_m) > 1.0
+
+
+def test_each_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(tmp_path: Path) -> None:
+    spec = loaded(SPEC)
+    changed = lab_sensitivity.arms(settings(tmp_path))[2:]
+
+    assert len(changed) > 10
+    for arm in changed:
+        (edit,) = arm.edits
+        checked, _ = check(edit(spec))
+        assert checked is not None
+        assert edit(spec) != spec
+
+
+def test_a_number_is_scaled_where_it_stands_and_a_small_whole_one_stays_whole() -> None:
+    spec = loaded(SPEC)
+    nearer = ScaledNumber(condition="distance < 1.6 m", variables="_in_observable_distance", factor=0.5)(spec)
+    stricter = ScaledNumber(condition="markers >= 3", variables="", factor=1.5)(spec)
+    texts = {
+        entry.by.text for each in nearer.perception for entry in each.identifies if isinstance(entry.by, Condition)
+    }
+
+    assert {"distance < 0.8 m", "distance < 0.95 m"} <= texts
+    assert "distance < 1.6 m" not in texts
+    assert "markers >= 5" in {each.text for algorithm in stricter.perception for each in algorithm.accept_when}
+
+
+def test_each_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
+    told = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
+    names = {"as it is", *(each.name for each in lab_sensitivity.VARIATIONS)}
+
+    assert set(told.document.results) == names
+    assert all({NAIVE.name, PRECONDITIONS.name} <= set(told.document.results[name]) for name in names)
+    drawn = [part for section in told.document.sections for part in section.parts if isinstance(part, Drawing)]
+    assert len(drawn) == 2
+    assert all(part.svg.rstrip().endswith("</svg>") for part in drawn)
+    assert told.outcomes[f"tag size 0.5 {FIRST_REPORTED_SEED}"].truth != {}

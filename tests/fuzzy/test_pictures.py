@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from codra_dsl.experiments.fuzzy import _heights, draw_memberships, draw_surface, load_engine
+from codra_dsl.experiments.fuzzy import draw_memberships, draw_surface, load_engine, surface
 from tests.fuzzy.engines import stored
 
 
@@ -32,7 +32,7 @@ def test_the_same_engine_gives_the_same_picture(tmp_path: Path) -> None:
 def test_the_corners_of_a_surface_are_what_the_engine_infers() -> None:
     engine = stored("store_metrics")
     fixed = {"battery": 50.0, "drain": 1.0, "load": 0.5, "progress": 0.5}
-    heights = _heights(engine, "safety", ("person_distance", "person_speed"), fixed)
+    heights = surface(engine, "safety", ("person_distance", "person_speed"), fixed)
     infer = load_engine(engine).infer
 
     for row, column, speed, distance in ((0, 0, 0.0, 0.0), (0, -1, 0.0, 10.0), (-1, 0, 3.0, 0.0), (-1, -1, 3.0, 10.0)):

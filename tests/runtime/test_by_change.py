@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from codra_dsl.runtime import SimClock
-from codra_dsl.runtime import context as context_module
+from codra_dsl.runtime import machinery as machinery_module
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.observer import Observer
 from tests.crowd.situation import OBSERVED, SENSORS, Perception, situation
@@ -60,7 +60,7 @@ def story(seed: int, forest: Counted, monkeypatch: pytest.MonkeyPatch) -> dict[s
     """
     model, clock, chance = situation(seed), SimClock(), random.Random(seed)
     with monkeypatch.context() as patch:
-        patch.setattr(context_module, "Forest", forest)
+        patch.setattr(machinery_module, "Forest", forest)
         if forest.kind is EveryTree:
             patch.setattr(Observer, "_is_unsettled", lambda _: True)
         world = World(Perception(hang=lambda _: None).finds(model))

@@ -64,7 +64,9 @@ def test_a_run_in_simulated_time_is_derived_again_byte_for_byte(tmp_path: Path) 
     assert set(found.derived) == set(Kind) - {Kind.INPUT, Kind.KNOWLEDGE, Kind.ADAPTATION}
 
 
-@pytest.mark.parametrize("absent", [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB}])
+@pytest.mark.parametrize(
+    "absent", [{Kind.VARIABLE, Kind.DECISION}, set(Kind) - {Kind.INPUT, Kind.JOB, Kind.KNOWLEDGE, Kind.ADAPTATION}]
+)
 def test_what_a_journal_lacks_comes_back_from_inputs_and_evidence(tmp_path: Path, absent: set[Kind]) -> None:
     run_door(tmp_path / "run.mcap", loops=9)
 

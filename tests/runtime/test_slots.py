@@ -161,11 +161,11 @@ def test_the_slot_of_a_job_is_free_again_however_the_job_ends(how: str) -> None:
 def test_a_thread_that_has_a_slot_goes_on_with_it() -> None:
     with started(forest([], slots={"eye": 1, "arm": 1}), World()) as manager:
         with manager.slot("eye"), manager.slot("eye"), manager.slot("eye", "eye"):
-            assert manager._slots.resources["eye"] == 0
-        assert manager._slots.resources["eye"] == 1
+            assert manager._parts.slots.resources["eye"] == 0
+        assert manager._parts.slots.resources["eye"] == 1
         with manager.slot("eye", "arm"), manager.slot("arm"):
-            assert manager._slots.resources == {"world": math.inf, "eye": 0, "arm": 0}
-        assert manager._slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
+            assert manager._parts.slots.resources == {"world": math.inf, "eye": 0, "arm": 0}
+        assert manager._parts.slots.resources == {"world": math.inf, "eye": 1, "arm": 1}
 
 
 def test_slots_that_are_taken_one_by_one_are_refused_with_the_way_to_take_them_together() -> None:
@@ -176,7 +176,7 @@ def test_slots_that_are_taken_one_by_one_are_refused_with_the_way_to_take_them_t
         manager.slot("arm"),
     ):
         pass
-    assert manager._slots.resources["eye"] == 1
+    assert manager._parts.slots.resources["eye"] == 1
 
 
 # Urgency and age
@@ -310,13 +310,13 @@ def compete(
     clock, free, asked = SimClock(), FreeTime(), {}
     waits_s: dict[str, list[float]] = {name: [] for name in names}
     with started(model, World(finds), clock) as manager:
-        request = manager._slots.request
+        request = manager._parts.slots.request
 
         def noted(slots: Any, precedence: Any, grant: Callable[[], None], lasts_s: float = 0.0) -> Ticket:
             asked_s = free.at(clock.now_s())
             return request(slots, precedence, lambda: (asked.update({clock.now_s(): asked_s}), grant())[1], lasts_s)
 
-        manager._slots.request = noted  # type: ignore[method-assign]
+        manager._parts.slots.request = noted  # type: ignore[method-assign]
         for name in names:
             manager.declare(name)
         while clock.now_s() < for_s:

@@ -12,7 +12,7 @@ import pytest
 
 from codra_dsl.logic import Term, age, known, value
 from codra_dsl.runtime import ContextManager, ContextModel, Journal, SimClock
-from codra_dsl.runtime import context as context_module
+from codra_dsl.runtime import machinery as machinery_module
 from codra_dsl.runtime.model import ExpectationModel, ObserverModel, SkillModel, real
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.replay import replay
@@ -146,7 +146,7 @@ def test_what_is_known_is_valid_and_from_after_the_last_change_and_the_run_repla
 @pytest.mark.parametrize("seed", range(6))
 def test_ticked_by_change_it_is_the_same_as_ticked_at_every_instant(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     by_change = by_subject(told(seed))
-    monkeypatch.setattr(context_module, "Forest", EveryTree)
+    monkeypatch.setattr(machinery_module, "Forest", EveryTree)
     monkeypatch.setattr(Observer, "_is_unsettled", lambda _: True)
 
     assert by_change == by_subject(told(seed, is_often_ticked=True))

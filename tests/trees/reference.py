@@ -21,6 +21,8 @@ class Reference:
         self.plans = plans
         self.flags = flags
         self.log: list[str] = []
+        self.now_ms = 0
+        self.variable = "0"
         self.memory: dict[ET.Element, dict[str, Any]] = {}
 
     def tick(self) -> str:
@@ -58,7 +60,9 @@ class Reference:
             self.reset(element)
             result = SKIP
         if result is None:
-            result = self.action(element) if len(element) == 0 else getattr(self, f"tick_{element.tag}")(element)
+            result = (
+                self.action(element) if element.tag in self.plans else getattr(self, f"tick_{element.tag}")(element)
+            )
         for name, when in (("_onSuccess", [OK]), ("_onFailure", [BAD]), ("_post", DONE)):
             if result in when and name in element.attrib:
                 self.log.append(element.attrib[name])
@@ -73,7 +77,7 @@ class Reference:
             keeps |= {"came_to": known["came_to"]} if "came_to" in known else {}
             known.clear()
             known.update(keeps)
-            if len(element) == 0:
+            if element.tag in self.plans:
                 self.log.append(f"{element.tag}!")
             for child in element:
                 self.reset(child)
@@ -293,3 +297,48 @@ class Reference:
         if self.of(element[0])["status"] == RUN or self.truth(element.attrib["if"]):
             return self.child(element)
         return element.get("else", "FAILURE").lower()
+
+    # Time
+
+    def tick_Sleep(self, element: ET.Element) -> str:  # noqa: N802
+        known = self.of(element)
+        if self.now_ms < known.setdefault("due", self.now_ms + int(element.attrib["msec"])):
+            return RUN
+        del known["due"]
+        return OK
+
+    def tick_Delay(self, element: ET.Element) -> str:  # noqa: N802
+        known = self.of(element)
+        if self.now_ms < known.setdefault("due", self.now_ms + int(element.attrib["delay_msec"])):
+            return RUN
+        result = self.child(element)
+        if result != RUN:
+            del known["due"]
+        return result
+
+    def tick_Timeout(self, element: ET.Element) -> str:  # noqa: N802
+        known, limit = self.of(element), int(element.attrib["msec"])
+        if self.now_ms >= known.get("due", self.now_ms + 1):
+            del known["due"]
+            self.reset_all(element)
+            return BAD
+        known.setdefault("due", self.now_ms + limit if limit else 10**9)
+        result = self.child(element)
+        if result != RUN:
+            del known["due"]
+        return result
+
+    # Switch
+
+    def tick_Switch2(self, element: ET.Element) -> str:  # noqa: N802
+        known = self.of(element)
+        chosen = {element.attrib["case_2"]: 1, element.attrib["case_1"]: 0}.get(self.variable, 2)
+        if known.get("at", chosen) != chosen:
+            self.reset(element[known["at"]])
+        result = self.visit(element[chosen])
+        known.pop("at", None)
+        if result == RUN:
+            known["at"] = chosen
+        if result in DONE:
+            self.reset_all(element)
+        return result

@@ -105,3 +105,26 @@ def test_an_action_that_raises_halts_what_runs() -> None:
     with pytest.raises(RuntimeError, match="there is no entry 'x' yet"):
         tree.tick()
     assert log == ["A", "A!"]
+
+
+def test_scripts_after_each_attempt_of_a_retry_run_once() -> None:
+    scope = Scope()
+    again = '<AlwaysFailure _onFailure="x += 1" _post="y += 1"/>'
+    retry = f'<RetryUntilSuccessful num_attempts="5">{again}</RetryUntilSuccessful>'
+    body = f'<Sequence><Script code="x := 0; y := 0"/>{retry}</Sequence>'
+    tree = main_tree(document(body), planned("", []), scope=scope)
+
+    assert tree.tick() is Result.FAILURE
+    assert (scope.get("x"), scope.get("y")) == (5, 5)
+
+
+def test_what_a_script_writes_decides_about_nodes_that_come_later_and_in_the_next_tick() -> None:
+    log: list[str] = []
+    scope = Scope()
+    scope.create("state", 3)
+    body = """<Sequence><A _skipIf="state != 1"/><B _skipIf="state != 2" _onSuccess="state = 1"/>
+      <C _skipIf="state != 3" _onSuccess="state = 2"/></Sequence>"""
+    tree = main_tree(document(body), planned("", log), scope=scope)
+
+    assert [tree.tick() for _ in range(3)] == [Result.SUCCESS] * 3
+    assert log == ["C", "B", "A"]

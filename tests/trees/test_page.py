@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from codra_dsl.runtime.trees import Result, Robot
 from codra_dsl.trees import RULES
 from codra_dsl.trees.catalogue import AFTER, BEFORE, BUILT_IN, REFUSED
-from tests.trees.stories import compiled, document
+from codra_dsl.trees.elements import MAX_DEPTH
+from tests.trees.stories import document, main_tree
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reference" / "trees.md").read_text("utf-8")
@@ -49,7 +51,7 @@ def test_every_finding_is_tested() -> None:
 
 
 def test_the_deepest_trees_that_are_accepted_are_compiled_and_ticked() -> None:
-    depth = 46
-    inner = "<Inverter>" * depth + "<AlwaysSuccess/>" + "</Inverter>" * depth
+    inverters = "<Inverter>" * (MAX_DEPTH - 4), "</Inverter>" * (MAX_DEPTH - 4)
+    others = f'<BehaviorTree ID="Below">{inverters[0]}<AlwaysSuccess/>{inverters[1]}</BehaviorTree>'
 
-    exec(compile(compiled(document(inner)), "deep.py", "exec"), {})
+    assert main_tree(document('<SubTree ID="Below"/>'.join(inverters), others=others), Robot()).tick() is Result.SUCCESS

@@ -7,6 +7,7 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Scope, Tree
 from tests.trees.reference import Reference
 from tests.trees.stories import document, main_tree, planned
@@ -16,13 +17,23 @@ ASKED = ("_failureIf", "_successIf", "_skipIf", "_while")
 DONE = ("_onSuccess", "_onFailure", "_post", "_onHalted")
 SEVERAL = (
     *("Sequence", "AsyncSequence", "SequenceWithMemory", "ReactiveSequence"),
-    *("Fallback", "AsyncFallback", "ReactiveFallback", "Parallel", "ParallelAll", "IfThenElse", "WhileDoElse"),
+    *(
+        "Fallback",
+        "AsyncFallback",
+        "ReactiveFallback",
+        "Parallel",
+        "ParallelAll",
+        "IfThenElse",
+        "WhileDoElse",
+        "Switch2",
+    ),
 )
 ONE = (
     *("Inverter", "ForceSuccess", "ForceFailure", "KeepRunningUntilFailure", "Repeat", "RetryUntilSuccessful"),
-    *("RunOnce", "Precondition"),
+    *("RunOnce", "Precondition", "Delay", "Timeout"),
 )
 LEAVES = "ABCDE"
+STEP_MS = 125
 
 
 def conditions(chance: Random) -> str:
@@ -36,20 +47,28 @@ def conditions(chance: Random) -> str:
 def node(chance: Random, depth: int) -> str:
     """A random node with what is below it, at most so deep."""
     kind = chance.random()
+    if kind < 0.05:
+        return f'<Sleep msec="{milliseconds(chance)}"{conditions(chance)}/>'
     if depth == 0 or kind < 0.15:
         return f"<{chance.choice(LEAVES)}{conditions(chance)}/>"
     return several(chance, depth - 1) if kind < 0.7 else one(chance, depth - 1)
 
 
+def milliseconds(chance: Random) -> int:
+    """A duration of some steps, which floats keep exactly."""
+    return STEP_MS * chance.randrange(5)
+
+
 def several(chance: Random, depth: int) -> str:
     tag = chance.choice(SEVERAL)
-    count = chance.randint(2, 3)
+    count = 3 if tag == "Switch2" else chance.randint(2, 3)
 
     def threshold() -> int:
         return chance.choice([number for number in range(-count, count + 1) if number])
 
     ports = {
         "Parallel": f' success_count="{threshold()}" failure_count="{threshold()}"',
+        "Switch2": f' variable="{{v}}" case_1="{chance.randrange(3)}" case_2="{chance.randrange(3)}"',
         "ParallelAll": f' max_failures="{threshold()}"',
     }
     children = "".join(node(chance, depth) for _ in range(count))
@@ -63,6 +82,8 @@ def one(chance: Random, depth: int) -> str:
     ports = {
         "Repeat": f' num_cycles="{rounds}"',
         "RetryUntilSuccessful": f' num_attempts="{rounds}"',
+        "Delay": f' delay_msec="{milliseconds(chance)}"',
+        "Timeout": f' msec="{milliseconds(chance)}"',
         "RunOnce": f' then_skip="{chance.choice(["true", "false"])}"',
         "Precondition": f' if="{chance.choice(FLAGS)}" else="{result}"',
     }
@@ -107,13 +128,18 @@ def test_random_trees_do_the_same_tick_by_tick(chance: Random) -> None:
     flags = dict.fromkeys(FLAGS, False)
     body, letters = node(chance, chance.randint(2, 3)), plan(chance)
     robot = planned(" ".join(f"{leaf}={each}" for leaf, each in letters.items()), log)
-    tree = main_tree(document(scripted(body)), robot, scope=scope)
+    clock = SimClock()
+    tree = main_tree(document(scripted(body)), robot, scope=scope, clock=clock)
     reference = Reference(body, {leaf: list(each) for leaf, each in letters.items()}, flags)
 
     for _ in range(15):
         for name in FLAGS:
             flags[name] = chance.random() < 0.5
             scope.create(name, flags[name])
+        reference.variable = str(chance.choice([0, 0, 1, 2]))
+        scope.create("v", reference.variable)
+        clock.sleep(STEP_MS / 1000)
+        reference.now_ms += STEP_MS
         if chance.random() < 0.1:
             tree.halt()
             reference.halt()
@@ -144,6 +170,7 @@ def test_a_halted_tree_leaves_no_action_running(chance: Random) -> None:
     for leaf in LEAVES:
         robot.can(leaf, Endless)
     scope = Scope()
+    scope.create("v", 0)
     tree: Tree = main_tree(document(scripted(node(chance, 3))), robot, scope=scope)
     for _ in range(5):
         for name in FLAGS:

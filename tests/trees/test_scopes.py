@@ -147,3 +147,19 @@ def test_a_robot_that_lacks_an_action_is_told_before_the_first_tick() -> None:
 
     with pytest.raises(TreeError, match="the robot has no action 'A': it has none"):
         Tree(root, leaves=Robot(), clock=SimClock())
+
+
+def test_a_function_that_forgets_to_say_what_it_came_to_is_an_error() -> None:
+    robot = Robot()
+    robot.does("A", lambda _: [].append(1))  # type: ignore[func-returns-value, arg-type, return-value]
+
+    with pytest.raises(TreeError, match="'A' returned None: it must return True, False or a Result"):
+        main_tree(document("<A/>"), robot).tick()
+
+
+def test_a_name_has_one_action() -> None:
+    robot = Robot()
+    robot.does("A", lambda _: True)
+
+    with pytest.raises(ValueError, match="there is an action 'A' already"):
+        robot.does("A", lambda _: True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from codra_dsl.experiments.counting import Answers, Lags, Seconds, answers, in_window, lags, total
+from codra_dsl.experiments.counting import Answers, Lags, Seconds, answers, in_window, lags, total, window
 from codra_dsl.experiments.document import Cell, Table
 from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
 from codra_dsl.experiments.outcomes import Outcome
@@ -26,7 +26,8 @@ class Standing:
     """What one arm knew of some variables over runs, and what it cost.
 
     Attributes:
-        seconds: in the common windows, over all variables and runs.
+        seconds: in the common windows, over all variables and runs; of variables that it never identified, none.
+        left_out: how many times it never identified a variable in a run.
         paper_difference: of the ratio, less that of the arm it is compared with; None if it is that arm.
         strict_difference: likewise of the strict ratio.
         triggers: jobs of all algorithms that need the vision slot.
@@ -35,6 +36,7 @@ class Standing:
 
     arm: str
     seconds: Seconds
+    left_out: int
     paper_difference: Estimate | None
     strict_difference: Estimate | None
     answers: Answers
@@ -54,8 +56,8 @@ class Standing:
 
 
 def reported_seeds(settings: Settings) -> range:
-    """Return the seeds that a report is made of."""
-    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
+    """Return the seeds that a report is made of: one at least."""
+    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + max(settings.seeds, 1))
 
 
 def standings(
@@ -82,6 +84,7 @@ def standing(
     return Standing(
         arm=arm,
         seconds=total(pooled(outcome, variables, arm) for outcome in outcomes),
+        left_out=sum(runs.left_out(name, arm) for name in variables),
         paper_difference=None if arm == against else difference(outcomes, variables, arm, against, paper),
         strict_difference=None if arm == against else difference(outcomes, variables, arm, against, strict),
         answers=answers(asked, arm),
@@ -99,25 +102,44 @@ def pooled(outcome: Outcome, variables: Sequence[str], arm: str) -> Seconds:
 def difference(
     outcomes: Sequence[Outcome], variables: Sequence[str], arm: str, against: str, counted: Counted
 ) -> Estimate:
-    """Return how much better one arm knew some variables than another, with its interval over paired runs."""
-    left, right = ([counted(pooled(each, variables, name)) for each in outcomes] for name in (arm, against))
+    """Return how much better one arm knew some variables than another, with its interval over paired runs.
+
+    A variable that one of the two never identified in a run is left out of that run for both.
+    """
+    shared = [
+        (each, [name for name in variables if not window(each, name).left_out & {arm, against}]) for each in outcomes
+    ]
+    left, right = ([counted(pooled(each, names, one)) for each, names in shared] for one in (arm, against))
     return ratio_difference(left, right)
 
 
-_HEADER = (
-    *("arm", "ratio", "strict ratio", "ratio, difference", "strict, difference", "wrong s", "unknown s"),
-    *("asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share"),
-)
+def standings_tables(found: Sequence[Standing], caption: str) -> tuple[Table, Table]:
+    """Return what arms knew, and what came of it at decisions and what it cost: one line an arm in each."""
+    knew = (
+        "arm",
+        "ratio",
+        "strict ratio",
+        "ratio, difference",
+        "strict, difference",
+        "wrong s",
+        "unknown s",
+        "left out",
+    )
+    used = ("arm", "asked: right", "wrong", "fell back", "lag median s", "never seen", "triggers", "slot share")
+    cost = (
+        "Asked: what was held when a decision needed it; marked where it was wrong. Lag: after changes of the truth; "
+        "some were never seen before the next. Triggers: all jobs that need the vision slot."
+    )
+    wrong = frozenset((row, 2) for row, one in enumerate(found) if one.answers.wrong)
+    told = Table(caption=cost, header=used, rows=[_used(one) for one in found], marked=wrong)
+    caption = (
+        f"{caption} Left out: variables that the arm never identified in a run; they count in none of its numbers, nor "
+        "in differences to it."
+    )
+    return plain_table(caption, knew, [_knew(one) for one in found]), told
 
 
-def standings_table(found: Sequence[Standing], caption: str) -> Table:
-    """Return one line an arm."""
-    table = plain_table(caption, _HEADER, [_line(one) for one in found])
-    wrong = frozenset((row, 8) for row, one in enumerate(found) if one.answers.wrong)
-    return Table(caption=caption, header=table.header, rows=table.rows, marked=wrong)
-
-
-def _line(one: Standing) -> Sequence[Cell]:
+def _knew(one: Standing) -> Sequence[Cell]:
     return (
         one.arm,
         ratio(one.seconds.paper),
@@ -126,6 +148,13 @@ def _line(one: Standing) -> Sequence[Cell]:
         None if one.strict_difference is None else interval(one.strict_difference),
         round(one.seconds.wrong_s, 1),
         round(one.seconds.unknown_s, 1),
+        one.left_out,
+    )
+
+
+def _used(one: Standing) -> Sequence[Cell]:
+    return (
+        one.arm,
         one.answers.right,
         one.answers.wrong,
         one.answers.fell_back,
@@ -141,6 +170,7 @@ def standings_as_data(found: Sequence[Standing]) -> Mapping[str, Any]:
     return {
         one.arm: {
             "window_s": asdict(one.seconds),
+            "left_out": one.left_out,
             "paper_ratio": one.paper_ratio,
             "strict_ratio": one.strict_ratio,
             "paper_ratio_difference": None if one.paper_difference is None else plain(one.paper_difference),

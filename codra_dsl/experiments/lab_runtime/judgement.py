@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from codra_dsl.experiments.arms import NEED
+from codra_dsl.experiments.arms import NEED_ON_EVENT
 from codra_dsl.experiments.document import Document, Section, Table, Words
 from codra_dsl.experiments.experiment import Settings
 from codra_dsl.experiments.lab_runtime.day import judge_day
@@ -48,9 +48,9 @@ def _protocol(settings: Settings) -> Section:
             Words(
                 text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
                 f" times, on a first seed as in P1 and on {settings.seeds} further seeds. Without observers it looks"
-                f" for each decision. With observers it asks those of the arm '{NEED.name}', and looks if they have no"
-                " answer. The same seed gives the same world, and the same durations and slips of the robot's actions,"
-                " in both."
+                f" for each decision. With observers it asks those of the arm '{NEED_ON_EVENT.name}',"
+                " and looks if they have no answer. The same seed gives the same world and the same durations and slips"
+                " of the robot's actions, in both."
             ),
             Words(
                 text=f"Each question to the observers is charged with {DECISION_S:g} s, more than was measured, and"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from codra_dsl.experiments.arms import NEED
+from codra_dsl.experiments.arms import NEED_ON_EVENT
 from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
 from codra_dsl.experiments.lab import Loops, Work
 from codra_dsl.experiments.lab_runtime.executions import Execution, Task, executions
@@ -98,7 +98,7 @@ def _both(
     repair_s: float | None = None,
 ) -> Iterator[Trial]:
     """Yield a run without observers, which needs no arm, and one with those whose arm answers the decisions."""
-    for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED,), NEED.name)):
+    for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
         yield Trial(
             name=f"{name}-{condition}",
             spec=settings.spec,

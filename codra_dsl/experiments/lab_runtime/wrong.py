@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from codra_dsl.experiments.arms import NEED
+from codra_dsl.experiments.arms import NEED_ON_EVENT
 from codra_dsl.experiments.campaign import TRIALS
 from codra_dsl.experiments.document import Part, Photograph, Section, Table, Words
 from codra_dsl.experiments.lab_runtime.finding import Finding, rounded
@@ -56,7 +56,7 @@ def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
     found = mistakes(outcomes)
     decided = sum(len(outcome.decisions) for outcome in outcomes)
     put_right = sum(
-        NEED.name in decision.wrong and decision.wrong_answer is None
+        NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
         for outcome in outcomes
         for decision in outcome.decisions
     )

@@ -115,8 +115,8 @@ class Ledger:
             case Kind.KNOWLEDGE:
                 self.knowledge[event.name] = _with(self.knowledge.get(event.name, {}), event)
             case Kind.ADAPTATION:
-                about = {event.name, event.details.get("variable"), event.details.get("course")} - {None}
-                for name in sorted(about):
+                about = (event.details.get(key, event.name) for key in ("variable", "course"))
+                for name in dict.fromkeys((event.name, *map(str, about))):
                     self.adaptations[name] = _with(self.adaptations.get(name, {}), event)
             case _:
                 pass

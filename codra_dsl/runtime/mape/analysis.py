@@ -9,6 +9,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from codra_dsl.runtime.cell import BEFORE_ALL_S
 from codra_dsl.runtime.mape.declarations import InputModel, MapeModel, OutputModel, StageModel
@@ -19,6 +20,9 @@ MOST_BOXES = 256
 """How many boxes of its unknown inputs an output is asked about at most."""
 
 Box = tuple[Bounds, ...]
+
+MOST_KEPT = 4096
+"""How many bounds are kept: what is unknown stays so for a while, and is asked about anew with each other change."""
 
 _ROUNDING = 1e-9
 
@@ -145,14 +149,28 @@ def _widen(
 ) -> None:
     """Put bounds in the place of what an unknown input has a say in."""
     for index, output in enumerate(model.outputs):
-        open_ones = unknown & _reads(model, output)
-        if open_ones:
-            values[index] = _Cutting(model, numbers, index, open_ones).bounds()
+        reads = _reads(model, output)
+        if unknown & reads:
+            known = zip(model.inputs, numbers, strict=True)
+            seen = (number if number == number and each.variable in reads else None for each, number in known)
+            values[index] = _bounds(model, index, tuple(seen))
     choices = [_hull(possible(each, number)) for each, number in zip(model.inputs, numbers, strict=True)]
     found = model.infer_bounds(*choices).strengths
     for index, rule in enumerate(model.rules):
         if unknown & set(rule.reads):
             strengths[index] = found[index]
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _bounds(model: StageModel, index: int, numbers: tuple[float | None, ...]) -> Bounds:
+    """Return all that an output can be.
+
+    Args:
+        model: of the stage.
+        index: of the output.
+        numbers: the inputs; None for what is unknown, and for what no rule about the output reads.
+    """
+    return _Cutting(model, numbers, index).bounds()
 
 
 class _Cutting:
@@ -162,14 +180,18 @@ class _Cutting:
     Such a box is cut further, unless no rule acts in its middle.
     """
 
-    def __init__(self, model: StageModel, numbers: Sequence[float], index: int, open_ones: set[str]) -> None:
+    def __init__(self, model: StageModel, numbers: Sequence[float | None], index: int) -> None:
         self._model = model
         self._index = index
         self._ranges = [each.range.high - each.range.low for each in model.inputs]
-        self._is_open = [each.variable in open_ones and not each.members for each in model.inputs]
+        reads = _reads(model, model.outputs[index])
+        given = list(zip(model.inputs, numbers, strict=True))
+        self._is_open = [number is None and each.variable in reads and not each.members for each, number in given]
         self._choices = [
-            possible(each, number) if each.variable in open_ones or number == number else (each.range,)
-            for each, number in zip(model.inputs, numbers, strict=True)
+            possible(each, math.nan if number is None else number)
+            if number is not None or each.variable in reads
+            else (each.range,)
+            for each, number in given
         ]
         self._left = MOST_BOXES
 

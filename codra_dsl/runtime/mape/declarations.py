@@ -103,9 +103,9 @@ class StageRuleModel:
     place: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StageModel:
-    """One fuzzy engine, bound to variables.
+    """One fuzzy engine, bound to variables. It equals itself only, as its functions do.
 
     Attributes:
         infer: of numbers.
@@ -212,7 +212,7 @@ class TreeModel:
     Attributes:
         build: makes the root; a function of the compiled module's `TREES`.
         course: the adaptation that chooses its branch; empty if none does.
-        entry: of the blackboard, that says which branch is to run; the text "" while none is.
+        entry: of the blackboard, that says which branch is to run.
         branches: of each action what the entry becomes.
         tasks: tasks of the knowledge graph that its leaves hand over; a branch has ended when none is open that it
             has asked for.

@@ -1,8 +1,8 @@
 """Execution: the mission's tree, of whose guarded branches one runs (P2, section 5.2 and Figure 7).
 
-A course is chosen by writing the entry that the guards read. The branch that is left is halted by its guard, which
-aborts the tasks that it has handed over; the next one begins when none of these is open any more, or when the time for
-that is over.
+A course is chosen by writing the entry that the guards read. Before that the tree is halted, which aborts the tasks
+that its leaves have handed over; it is ticked again when none of these is open any more, or when the time for that is
+over.
 """
 
 from __future__ import annotations
@@ -17,9 +17,6 @@ from codra_dsl.runtime.knowledge import Knowledge
 from codra_dsl.runtime.mape.declarations import Repeat, TreeModel
 from codra_dsl.runtime.trees import Result, Tree
 from codra_dsl.runtime.trees.node import Leaves
-
-NO_BRANCH = ""
-"""What the entry says while no branch is to run."""
 
 FAILED = "failed"
 """How a branch ended whose halting raised an error."""
@@ -78,15 +75,15 @@ class Execution:
         self._leaving: _Leaving | None = None
         self._is_resting = False
         self._telling = threading.Lock()
-        self._enter(NO_BRANCH)
 
     @property
     def branch(self) -> str:
-        """Return what the entry says."""
-        return str(self.tree.scope.get(self.model.entry))
+        """Return what the entry says; empty before the first course is chosen."""
+        scope = self.tree.scope
+        return str(scope.get(self.model.entry)) if scope.has(self.model.entry) else ""
 
     def choose(self, action: str) -> None:
-        """Let the branch of another action run, once the present one has ended; its guard halts it within this call."""
+        """Let the branch of another action run, once the present one has ended; it is halted within this call."""
         left, now_s = self.action, self._clock.now_s()
         self.action = action
         if self._leaving is not None or not left:
@@ -96,42 +93,39 @@ class Execution:
         leaving = _Leaving(left, self.branch, now_s, now_s + self._abort_s, result)
         self._leaving = leaving
         self._clock.call_at(leaving.until_s, lambda: self._tell_overdue(leaving))
-        self._enter(NO_BRANCH)
-        if not self._ticked():
+        if not self._attempt(self.halt):
             leaving.result = FAILED
         leaving.is_halting = False
         self.due_s = self._clock.now_s()
 
     def tick(self) -> None:
-        """Tick the tree, or see whether the branch that was left has ended."""
-        if self._leaving is not None and not self._has_ended(self._leaving):
-            self._ticked()
-        else:
+        """Tick the tree, unless no course is chosen yet or the branch that was left has not ended."""
+        if self._leaving is None or self._has_ended(self._leaving):
             self._leaving = None
             if self.action and self.branch != self.model.branches[self.action]:
-                self._enter(self.model.branches[self.action])
+                self.tree.scope.create(self.model.entry, self.model.branches[self.action])
                 self._is_resting = False
-            if not self._is_resting:
-                self._ticked()
+            if not self._is_resting and (self.action or not self.model.course):
+                self._attempt(self._tick)
         self._schedule()
 
     def halt(self) -> None:
         """Halt whatever runs."""
-        self.tree.halt()
         self._result = Result.IDLE
+        self.tree.halt()
 
-    def _enter(self, branch: str) -> None:
-        self.tree.scope.create(self.model.entry, branch)
+    def _tick(self) -> None:
+        self._result = Result.IDLE
+        self._result = self.tree.tick()
+        self._is_resting = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH
 
-    def _ticked(self) -> bool:
-        """Tick the tree; return whether no action of it raised."""
+    def _attempt(self, part: Callable[[], None]) -> bool:
+        """Do what calls actions of the robot; return whether none of them raised."""
         try:
-            self._result = self.tree.tick()
+            part()
         except Exception as error:  # noqa: BLE001 - an action of the robot's, and all that it calls
-            self._result = Result.IDLE
             self._tell(self.model.name, "failed", {"message": f"{type(error).__name__}: {error}"})
             return False
-        self._is_resting = self._result.is_completed and self.model.repeat is Repeat.ON_SWITCH and bool(self.branch)
         return True
 
     def _has_ended(self, leaving: _Leaving) -> bool:

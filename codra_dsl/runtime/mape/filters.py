@@ -65,7 +65,7 @@ class FilterState:
     Attributes:
         instant_s: of its last step.
         action: the course; empty before the first step.
-        since_s: since when.
+        since_s: since when; minus infinity if it was the first, and no weight was known.
         tracked: by action.
         left_s: when an action was last left.
         unknown_since_s: since when no weight is known; None if one is.
@@ -138,7 +138,7 @@ def step(
     action, because = _decided(model, before, urgent, forced)
     if action == state.action:
         return Chosen(state=before, before=before, because=None, due_s=_due_s(model, before, urgent, forced))
-    after = _switched(model, before, action)
+    after = _switched(model, before, action, because)
     return Chosen(state=after, before=before, because=because, due_s=_due_s(model, after, (), forced))
 
 
@@ -280,13 +280,14 @@ def _due_s(model: CourseModel, state: FilterState, urgent: Collection[str], forc
     return min(_ready_s(model, state, action, urgent) for action in model.choose) + JUST_AFTER_S
 
 
-def _switched(model: CourseModel, before: FilterState, action: str) -> FilterState:
+def _switched(model: CourseModel, before: FilterState, action: str, because: Because | None) -> FilterState:
     now_s = before.instant_s
     fresh = {name: replace(each, leads_since_s=None) for name, each in before.tracked.items()}
+    is_makeshift = not before.action and because is Because.NOTHING_KNOWN  # nothing was known to be dwelt on
     return replace(
         before,
         action=action,
-        since_s=now_s,
+        since_s=-math.inf if is_makeshift else now_s,
         tracked=_with_leads(model, fresh, action, now_s),
         left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
     )

@@ -154,6 +154,7 @@ class Loop:
         self._is_busy = False
         self._has_changed = False
         self._analysis_due_s = -math.inf
+        self._unexplained: list[Decision] = []
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
         self._idle = threading.Event()
@@ -276,6 +277,8 @@ class Loop:
         for tree in self.trees.values():
             if self._clock.now_s() >= tree.due_s:
                 self._attempt(tree.tick)
+        while self._unexplained:
+            self._attempt(partial(self._explain, self._unexplained.pop(0)))
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
     def _analyse(self) -> None:
@@ -286,6 +289,8 @@ class Loop:
             self._attempt(partial(self._pens.write, self._model.analyst, written, now_s))
         for decision in plan.decisions:
             self._attempt(partial(self._adapt, decision))
+            if decision.before:
+                self._unexplained.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
 
@@ -299,10 +304,13 @@ class Loop:
         if course.variable:
             written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
             self._pens.write(self._model.adapter, written, now_s)
-        if decision.before:
-            found = keeping(self._model, course, decision, self.planning.asked_by_rules(course))
-            about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
-            self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
+
+    def _explain(self, decision: Decision) -> None:
+        """Tell what would have kept a course: after all that must not wait for it."""
+        course = self.planning.courses[decision.course]
+        found = keeping(self._model, course, decision, self.planning.asked_by_rules(course))
+        about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
+        self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
 
     def _set(self, setting: Setting) -> None:
         model = setting.parameter

@@ -11,7 +11,7 @@ from enum import Enum, auto
 
 from codra_dsl.runtime.trees.node import Entry, Kind, Node, Setting
 from codra_dsl.runtime.trees.result import Result, TreeError
-from codra_dsl.runtime.trees.scope import number_in
+from codra_dsl.runtime.trees.scope import equal, number_in
 
 
 class _After(Enum):
@@ -297,7 +297,7 @@ class Switch(Kind):
         if str(variable) == str(case):
             return True
         left, right = self._number(variable), self._number(case)
-        return left is not None and left == right
+        return left is not None and right is not None and equal(left, right)
 
     def _number(self, value: object) -> int | float | None:
         return self._enums[value] if isinstance(value, str) and value in self._enums else number_in(value)

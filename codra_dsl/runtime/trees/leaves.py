@@ -197,7 +197,7 @@ class Robot:
 
     def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
         """Say which function a condition or an action is that completes at once; it may also return RUNNING."""
-        self.can(name, lambda: _Done(function))
+        self.can(name, lambda: _Done(name, function))
 
     def of(self, name: str) -> Action:
         """Return an action for a leaf.
@@ -213,7 +213,8 @@ class Robot:
 class _Done(Action):
     """A function as an action."""
 
-    def __init__(self, function: Callable[[Ports], bool | Result]) -> None:
+    def __init__(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
+        self._name = name
         self._function = function
 
     def start(self, ports: Ports) -> Result:
@@ -221,6 +222,8 @@ class _Done(Action):
         result = self._function(ports)
         if isinstance(result, Result):
             return result
+        if not isinstance(result, bool):
+            raise TreeError(f"{self._name!r} returned {result!r}: it must return True, False or a Result")
         return Result.SUCCESS if result else Result.FAILURE
 
     def go_on(self, ports: Ports) -> Result:

@@ -211,8 +211,14 @@ class Node(Behaviour):
 
     def reset_children(self) -> None:
         """Make all children idle; those that run are halted, the first one first."""
+        errors: list[Exception] = []
         for child in self.nodes:
-            child.reset()
+            try:
+                child.reset()
+            except Exception as error:  # noqa: BLE001 - the others are halted whatever an action raises
+                errors.append(error)
+        if errors:
+            raise errors[0]
 
     # Ticking
 
@@ -234,9 +240,13 @@ class Node(Behaviour):
 
     def halt(self) -> None:
         """Stop it while it runs: what it remembers, then its children, then what is to be done when it was halted."""
-        self._kind.halt(self)
-        self.reset_children()
-        self._become(Result.IDLE)
+        try:
+            self._kind.halt(self)
+        finally:
+            try:
+                self.reset_children()
+            finally:
+                self._become(Result.IDLE)
         self._run(self._conditions.on_halted)
 
     def _decided(self) -> Result | None:

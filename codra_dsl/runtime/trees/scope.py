@@ -15,6 +15,9 @@ from codra_dsl.runtime.trees.result import TreeError
 GLOBAL = "@"
 """An entry whose name begins so is that of the outermost tree."""
 
+_EQUAL = 2.0**-23
+"""Numbers that differ by less are equal in scripts."""
+
 PRIVATE = "_"
 """An entry whose name begins so is never remapped by `_autoremap`."""
 
@@ -178,6 +181,13 @@ def plain(value: object) -> Any:
     return value.value if isinstance(value, Operand) else value
 
 
+def equal(left: object, right: object) -> bool:
+    """Return whether two values are equal; numbers are if they differ by less than a `float` of C++ can tell from 1."""
+    if isinstance(left, int | float) and isinstance(right, int | float):
+        return left == right or abs(left - right) <= _EQUAL
+    return left == right
+
+
 def is_true(value: object) -> bool:
     """Return what a value means as a condition: a number other than 0 is true.
 
@@ -206,8 +216,7 @@ class Operand:
         return is_true(self.value)
 
     def __eq__(self, other: object) -> bool:
-        left, right = self._pair(other)
-        return bool(left == right)
+        return self._compared(other, "==", equal)
 
     def __lt__(self, other: object) -> bool:
         return self._compared(other, "<", lambda left, right: left < right)
@@ -261,7 +270,8 @@ class Operand:
 
     def _compared(self, other: object, sign: str, compare: Callable[[Any, Any], bool]) -> bool:
         left, right = self._pair(other)
-        if _family(left) != _family(right) or _family(left) not in (NUMBER, TEXT):
+        comparable = (NUMBER, TEXT) if compare is not equal else (NUMBER, TEXT, _family(left))
+        if _family(left) != _family(right) or _family(left) not in comparable:
             raise TreeError(f"{left!r} {sign} {right!r} compares a {_family(left)} with a {_family(right)}")
         return compare(left, right)
 

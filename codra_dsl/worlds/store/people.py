@@ -26,8 +26,8 @@ KEEP_RIGHT_M = 0.7
 PATIENCE_S = 4.0
 """How long one waits for the robot before one turns round."""
 
-STEP_BACK_M = 1.5
-"""So far one goes back then, the way that one came."""
+AVOID_M = 2.5
+"""Who turns round keeps so far from where the robot was in the way, as far as there is another way."""
 
 Plan = Iterator[tuple[Point, float]]
 """Points to walk to, and how long to stand there, in seconds."""
@@ -41,20 +41,21 @@ class Person:
         speed_m_s: while walking.
     """
 
-    def __init__(self, name: str, at_m: Point, speed_m_s: float, plan: Callable[[Point], Plan]) -> None:
+    def __init__(self, name: str, at_m: Point, speed_m_s: float, plan: Callable[[Point, Point | None], Plan]) -> None:
         """Begin to walk.
 
         Args:
             name: of the person.
             at_m: where the person is.
             speed_m_s: how fast the person walks.
-            plan: where to go from a point; asked again when the person turns round.
+            plan: where to go from a point; asked again, with the point where the robot is in the way, when the person
+                turns round.
         """
         self.name = name
         self.at_m = at_m
         self.speed_m_s = speed_m_s
         self._make_plan = plan
-        self._plan = plan(at_m)
+        self._plan = plan(at_m, None)
         self._goal, self._stay_s = next(self._plan)
         self._waited_s = 0.0
 
@@ -71,7 +72,7 @@ class Person:
         there = _towards(self.at_m, self._goal, min(self.speed_m_s * duration_s, left_m))
         is_closer = distance_to_robot_m(there) < distance_to_robot_m(self.at_m)
         if is_closer and distance_to_robot_m(there) < KEEP_OFF_M:
-            self._wait(duration_s)
+            self._wait(duration_s, there)
         else:
             self.at_m, self._waited_s = there, 0.0
 
@@ -80,13 +81,12 @@ class Person:
         if self._stay_s <= 0.0:
             self._goal, self._stay_s = next(self._plan)
 
-    def _wait(self, duration_s: float) -> None:
+    def _wait(self, duration_s: float, blocked_m: Point) -> None:
         self._waited_s += duration_s
         if self._waited_s >= PATIENCE_S:
             self._waited_s = 0.0
-            back_m = _towards(self.at_m, self._goal, -STEP_BACK_M)
-            self._plan = self._make_plan(back_m)
-            self._goal, self._stay_s = back_m, PATIENCE_S
+            self._plan = self._make_plan(self.at_m, blocked_m)
+            self._goal, self._stay_s = next(self._plan)
 
 
 def shopper(seed: int, number: int) -> Person:
@@ -100,7 +100,7 @@ def crossing(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point
     """Return somebody who comes to a place, crosses it again and again, and leaves."""
     ends = list(ends_m)
 
-    def plan(_: Point) -> Plan:
+    def plan(_: Point, __: Point | None) -> Plan:
         for index in range(times):
             yield ends[index % len(ends)], 1.0
         while True:
@@ -115,8 +115,10 @@ class _Shopping:
     def __init__(self, random: Random) -> None:
         self._random = random
 
-    def __call__(self, at_m: Point) -> Plan:
-        node = min(_corridors(), key=lambda each: (_distance_m(each, at_m), each))
+    def __call__(self, at_m: Point, blocked_m: Point | None) -> Plan:
+        graph = _corridors() if blocked_m is None else _without(blocked_m)
+        node = min(graph, key=lambda each: (_distance_m(each, at_m), each))
+        yield _beside(node, at_m), 0.0
         while True:
             goal = (self._random.choice(CORRIDORS_X_M), self._random.choice((6.5, 8.5, 10.5)))
             way: list[Point] = nx.shortest_path(_corridors(), node, goal, weight="length_m")
@@ -128,6 +130,17 @@ class _Shopping:
                 yield _kept_right(way[-2], goal, goal), self._random.uniform(3.0, 25.0)
             else:
                 yield (goal[0] + KEEP_RIGHT_M, goal[1]), self._random.uniform(3.0, 25.0)
+
+
+def _without(blocked_m: Point) -> nx.Graph[Point]:
+    graph = _corridors()
+    return graph.subgraph([node for node in graph if _distance_m(node, blocked_m) > AVOID_M])
+
+
+def _beside(node: Point, at_m: Point) -> Point:
+    """Return the point beside a corner that one comes to straight on."""
+    along_rad = atan2(node[1] - at_m[1], node[0] - at_m[0])
+    return (node[0] + sin(along_rad) * KEEP_RIGHT_M, node[1] - cos(along_rad) * KEEP_RIGHT_M)
 
 
 @cache

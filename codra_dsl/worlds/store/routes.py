@@ -62,7 +62,7 @@ def route(start: Stand, goal: Stand, avoid: Sequence[Disc] = ()) -> tuple[Point,
         NoRouteError: if there is none.
     """
     grid = _grid() if not avoid else _without(avoid)
-    out_m, first = _way_out(start, grid)
+    out_m, first = _way_out(start, grid, avoid)
     last = _nearest(grid, goal.point_m)
     if last is None:
         raise NoRouteError(f"there is no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
@@ -75,7 +75,7 @@ def route(start: Stand, goal: Stand, avoid: Sequence[Disc] = ()) -> tuple[Point,
     return (*beginning, *corners[:-1], goal.point_m)
 
 
-def _way_out(start: Stand, grid: nx.Graph[Point]) -> tuple[Point, Point]:
+def _way_out(start: Stand, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
     """Return where the robot has room to turn, here, or straight ahead, or straight behind; and the grid's point there.
 
     Raises:
@@ -84,12 +84,20 @@ def _way_out(start: Stand, grid: nx.Graph[Point]) -> tuple[Point, Point]:
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
-            if not has_room(start.point_m, end_m, LANE_M):
+            if not has_room(start.point_m, end_m, LANE_M) or _approaches(start.point_m, end_m, avoid):
                 break
             node = _nearest(grid, end_m)
             if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
                 return end_m, node
     raise NoRouteError(f"there is no room to turn near {start.point_m}")
+
+
+def _approaches(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a step leads near to what is to be avoided, and nearer than before."""
+    return any(
+        _distance_m(end_m, disc.centre_m) < min(_distance_m(start_m, disc.centre_m), disc.radius_m + LANE_M)
+        for disc in avoid
+    )
 
 
 @cache
@@ -142,6 +150,7 @@ def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc])
 
 
 def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a straight way comes nearer to what is to be avoided than turning takes."""
     length_m = _distance_m(start_m, end_m) or 1.0
     along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
     for disc in avoid:

@@ -2,8 +2,8 @@
 
 It runs in an environment of its own, since pyfuzzylite is GPL and needs an old numpy; we only keep its answers:
 
-    python -m venv /tmp/fuzzylite && /tmp/fuzzylite/bin/pip install pyfuzzylite==8.0.6
-    /tmp/fuzzylite/bin/python tests/data/fuzzy/reference.py
+    make .venv-fuzzylite/.ready
+    .venv-fuzzylite/bin/python tests/data/fuzzy/reference.py
 
 Values are stored in single precision, which is right to 6e-8 of a value, and infinite or NaN as they are.
 """

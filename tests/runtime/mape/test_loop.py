@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,7 +15,7 @@ from codra_dsl.runtime.conditions import choose, value
 from codra_dsl.runtime.knowledge import AgentTakenError, Stage
 from codra_dsl.runtime.mape.declarations import MapeModel, Repeat
 from codra_dsl.runtime.mape.filters import Because
-from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Task, TreeError
+from codra_dsl.runtime.trees import Action, Entry, Leaf, Node, Ports, Result, Robot, Switch, Task, TreeError
 from tests.runtime.mape.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
 
 CLOSE_M, FAR_M = 1.0, 6.0
@@ -397,3 +398,77 @@ def test_all_that_a_loop_tells_is_of_its_kind() -> None:
         "set",
         "stopped",
     }
+
+
+@pytest.mark.parametrize("period_s", [0.07, 0.5, 5.0])
+def test_how_often_a_loop_analyses_changes_no_decision(period_s: float) -> None:
+    def story(model: MapeModel) -> list[tuple[object, object, float]]:
+        shop = Shop(model)
+        shop.begin()
+        for index in range(30):
+            shop.pass_s(1.5, person=2.4 - 0.04 * index, battery=40.0 - index)
+        return [(event.details["action"], event.details["because"], event.instant_s) for event in shop.told("chosen")]
+
+    often = story(replace(MAPE, loops=(replace(MAPE.loops[0], period_s=period_s),)))
+    plain = story(MAPE)
+    assert [each[:2] for each in often] == [each[:2] for each in plain]
+    assert [each[2] for each in often] == pytest.approx([each[2] for each in plain], abs=1e-4)
+
+
+def test_two_loops_share_the_work() -> None:
+    analysing = replace(MAPE.loops[0], name="analysing", adapt=(), execute=())
+    acting = replace(MAPE.loops[0], name="acting", rates=(), analyse=())
+    shop = Shop(replace(MAPE, loops=(analysing, acting)))
+    shop.begin()
+    shop.pass_s(4.0, person=CLOSE_M)
+    assert (shop.course(), shop.codra.get("safety").value) == ("start", 0.5)
+    assert {event.details["loop"] for event in shop.told("chosen", "set", "ended")} == {"acting"}
+
+
+def test_a_course_chosen_again_before_the_old_branch_has_ended_goes_to_the_newest() -> None:
+    shop = stubborn(MAPE)
+    shop.begin()
+    shop.driver.acknowledge(shop.codra.knowledge.snapshot().handover("to_deliver").request)
+    shop.tell(bumped=True)
+    shop.pass_s(0.5)
+    shop.tell(bumped=False, battery=3.0)
+    shop.pass_s(3.0, battery=3.0)
+    assert (shop.course(), shop.stage("to_start"), shop.stage("to_dock")) == ("dock", None, Stage.WANTS)
+
+
+def test_an_action_whose_halting_raises_does_not_keep_the_next_branch_from_beginning() -> None:
+    class Jammed(Stubborn):
+        def start(self, _: Ports) -> Result:
+            return Result.RUNNING
+
+        def halt(self, _: Ports) -> None:
+            raise OSError("the brake is jammed")
+
+    robot = Robot()
+    robot.can("deliver", partial(Jammed, Shop))
+    for name in ("start", "dock"):
+        robot.does(name, lambda _: Result.RUNNING)
+    shop = Shop(robot=robot)
+    shop.begin()
+    shop.pass_s(4.0, person=CLOSE_M)
+    assert [event.details["message"] for event in shop.told("failed")] == ["OSError: the brake is jammed"]
+    (ended,) = shop.told("ended")
+    assert (ended.details["result"], shop.mape.loop("store").trees["mission"].branch) == ("failed", "start")
+
+
+def test_a_tree_is_never_ticked_between_two_branches() -> None:
+    """So a switch on the course needs no case for the time between, and its default is a branch like the others."""
+    seen: list[str] = []
+
+    def mission() -> Node:
+        kind = Switch(Entry("course"), "start", "dock")
+        return Node("mission", kind, *(Node(name, Leaf(name)) for name in ("start", "dock", "deliver")))
+
+    robot = robot_that(**{name: lambda _, name=name: bool(seen.append(name)) or Result.RUNNING for name in CHOICES})
+    shop = Shop(replace(MAPE, trees=(replace(MISSION, build=mission),)), robot=robot)
+    shop.begin()
+    shop.tell(bumped=True)
+    shop.pass_s(1.0)
+    shop.tell(bumped=False, battery=3.0)
+    shop.pass_s(2.0, battery=3.0)
+    assert [name for name, _ in itertools.groupby(seen)] == ["deliver", "start", "dock"]

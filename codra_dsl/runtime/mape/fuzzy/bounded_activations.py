@@ -9,6 +9,9 @@ from collections.abc import Callable, Sequence
 
 from codra_dsl.runtime.mape.fuzzy.bounds import Bounds, hedge, is_finite
 
+_ROUNDING = 1e-12
+"""By how much a share is widened."""
+
 
 def _perhaps(degree: Bounds) -> Bounds:
     return Bounds(min(0.0, degree.low), max(0.0, degree.high), degree.may_be_unknown)
@@ -94,15 +97,19 @@ def proportional(degrees: Sequence[Bounds]) -> tuple[Bounds | None, ...]:
         return tuple(Bounds(0.0, 1.0) for _ in degrees)
     lows, highs = ([max(0.0, each[end]) for each in degrees] for end in (0, 1))
     acting: list[Bounds | None] = []
-    for low, high in zip(lows, highs, strict=True):
+    for at, (low, high) in enumerate(zip(lows, highs, strict=True)):
         if high == 0.0:
             acting.append(None)
             continue
-        least = low / (low + sum(highs) - high) if low > 0.0 else 0.0
-        acting.append(Bounds(max(0.0, least - 1e-12), min(1.0, high / (high + sum(lows) - low) + 1e-12)))
+        least = low / (low + sum(highs[:at]) + sum(highs[at + 1 :])) if low > 0.0 else 0.0
+        most = high / (high + sum(lows[:at]) + sum(lows[at + 1 :]))
+        acting.append(Bounds(max(0.0, least - _ROUNDING), min(1.0, most + _ROUNDING)))
     return tuple(acting)
 
 
 def hedged(degree: Bounds | None, of: Callable[[float], float]) -> Bounds | None:
-    """Return the degree of a conclusion with a hedge."""
-    return None if degree is None else hedge(of, degree)
+    """Return the degree of a conclusion with a hedge: what perhaps does not act counts as 0, not as the hedge of 0."""
+    if degree is None:
+        return None
+    found = hedge(of, degree)
+    return found if degree.low > 0.0 else _perhaps(found)

@@ -65,9 +65,11 @@ class BoundedInference(NamedTuple):
 ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
 UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
 
-_EVERYWHERE = frozenset(
-    {norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference}
-)
+_EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
+"""The norms that grow with either side everywhere, after rounding too."""
+
+_ROUNDING = 1e-15
+"""By how much other norms are widened: one that jumps must see what rounding may have moved."""
 
 
 def point(value: float) -> Bounds:
@@ -162,8 +164,12 @@ def absolute(bounds: Bounds) -> Bounds:
 
 def norm(of: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
     """Return what a norm can make of two degrees."""
-    if (is_degree(a) and is_degree(b)) or (of in _EVERYWHERE and is_finite(a) and is_finite(b)):
+    if a.low == a.high and b.low == b.high:
+        return point(of(a.low, b.low))
+    if of in _EXACT and is_finite(a) and is_finite(b):
         return Bounds(of(a.low, b.low), of(a.high, b.high))
+    if is_degree(a) and is_degree(b):
+        return Bounds(max(0.0, of(a.low, b.low) - _ROUNDING), min(1.0, of(a.high, b.high) + _ROUNDING))
     return ANYTHING
 
 

@@ -63,7 +63,14 @@ def einstein_sum(a: float, b: float) -> float:
 
 
 def hamacher_sum(a: float, b: float) -> float:
-    """Return (a + b - 2 a b) / (1 - a b), and 1 where a b is 1."""
+    """Return (a + b - 2 a b) / (1 - a b), and 1 where a b is 1.
+
+    Near 1 it is computed by what is missing to 1: as it stands both differences are nothing but rounding there.
+    """
+    if (a > 0.5 or b > 0.5) and a * b != 1.0:
+        missing_a, missing_b = 1.0 - a, 1.0 - b
+        both = missing_a * missing_b
+        return 1.0 - divided(both, missing_a + missing_b - both)
     return divided(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
 
 

@@ -59,7 +59,11 @@ def _einstein_sum(a: Samples, b: Samples) -> Samples:
 
 
 def _hamacher_sum(a: Samples, b: Samples) -> Samples:
-    return np.where(a * b != 1.0, (a + b - 2.0 * a * b) / (1.0 - a * b), 1.0)
+    product, missing_a, missing_b = a * b, 1.0 - a, 1.0 - b
+    both = missing_a * missing_b
+    near_one = 1.0 - both / (missing_a + missing_b - both)
+    usual = np.where(product != 1.0, (a + b - 2.0 * product) / (1.0 - product), 1.0)
+    return np.where(((a > 0.5) | (b > 0.5)) & (product != 1.0), near_one, usual)
 
 
 def _nilpotent_maximum(a: Samples, b: Samples) -> Samples:

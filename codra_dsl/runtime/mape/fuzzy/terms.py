@@ -98,7 +98,12 @@ def cosine(x: float, center: float, width: float, height: float = 1.0) -> float:
 
 
 def discrete(x: float, xs: tuple[float, ...], ys: tuple[float, ...], height: float = 1.0) -> float:
-    """Return the membership between points, linearly interpolated; before the first and after the last as there."""
+    """Return the membership between points, linearly interpolated; before the first and after the last as there.
+
+    One point alone has no place to be between: its membership holds for a missing input too, as in FuzzyLite.
+    """
+    if len(xs) == 1:
+        return height * ys[0]
     if x != x:
         return math.nan
     right = bisect_right(xs, x)
@@ -147,7 +152,7 @@ def pi_shape(
     x: float, bottom_left: float, top_left: float, top_right: float, bottom_right: float, height: float = 1.0
 ) -> float:
     """Return the membership in a plateau between two smooth slopes."""
-    return height * s_shape(x, bottom_left, top_left) * z_shape(x, top_right, bottom_right)
+    return height * (s_shape(x, bottom_left, top_left) * z_shape(x, top_right, bottom_right))
 
 
 def ramp(x: float, start: float, end: float, height: float = 1.0) -> float:

@@ -7,6 +7,7 @@ what the laser sees, and at last says so.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import hypot
 
 from codra_dsl.runtime.cell import Reading
@@ -14,16 +15,20 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
 from codra_dsl.worlds.store.body import FRONT, Body, Outcome, Way
-from codra_dsl.worlds.store.geometry import Disc, Stand, wrapped
+from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
-from codra_dsl.worlds.store.routes import NoRouteError, route
+from codra_dsl.worlds.store.routes import LANE_M, NoRouteError, has_room, route
 
 PERIOD_S = 0.5
 TRIES = 8
 """How often it tries before it says that the way is blocked; each try waits as long as the motion layer does."""
 
 FACING_RAD = 0.03
+BACK_OFF_M = 0.5
+BACK_ROOM_M = 1.2
+"""No container may be known to stand nearer than this to where it backs off to."""
+
 OBSTACLE_M = 0.3
 """The radius of what the laser sees in the way."""
 
@@ -103,8 +108,17 @@ class Navigation:
         self._task.finish("blocked")
 
     def _go_round(self) -> None:
-        if self._may_try():
-            self._go(self._in_the_way())
+        """Back off, so that there is room to turn, and go another way."""
+        if not self._may_try():
+            return
+        avoid, robot = self._in_the_way(), self._body.believed()
+        back_m = robot.out(-BACK_OFF_M)
+        is_free = all(hypot(back_m[0] - x, back_m[1] - y) > BACK_ROOM_M for x, y in self._container_points())
+        if not is_free or not has_room(robot.point_m, back_m, LANE_M):
+            self._go(avoid)
+            return
+        go_on = partial(self._go, avoid)
+        self._body.drive((back_m,), Way.BACKWARD, self._ending(go_on, go_on))
 
     def _face_again(self) -> None:
         if self._may_try():
@@ -127,10 +141,13 @@ class Navigation:
         return () if nearest is None else (Disc(robot.out(*nearest), OBSTACLE_M),)
 
     def _containers(self) -> tuple[Disc, ...]:
+        return tuple(Disc(point_m, CONTAINER_M / 2) for point_m in self._container_points())
+
+    def _container_points(self) -> list[Point]:
+        """Return where containers are known to stand."""
         snapshot = self._knowledge.snapshot()
-        stands = [
-            stand_of(snapshot.transform("world", node.name).pose)
+        return [
+            stand_of(snapshot.transform("world", node.name).pose).point_m
             for node in snapshot.nodes("roll_container")
             if snapshot.parent(node.name) == "world"
         ]
-        return tuple(Disc(stand.point_m, CONTAINER_M / 2) for stand in stands)
