@@ -249,10 +249,10 @@ def _blob(stream: IO[bytes]) -> bytes:
 
 
 def _included(files: Iterable[Path]) -> Iterator[bytes]:
-    """Yield the words of files that include others: the names of parts that do not end as YAML files do."""
+    """Yield the words of files that name others: parts that do not end as YAML files do, and files of trees."""
     for file in files:
         data = file.read_bytes()
-        if b"include" in data and b"codra" in data:
+        if b"codra" in data and (b"include" in data or b"trees" in data):
             yield from _WORDS.findall(data)
 
 

@@ -1,8 +1,8 @@
 """Every code block of README and docs runs, page by page, in a folder of its own, as a reader would follow it.
 
-The info string of a block says what it is: `yaml file=PATH` and `python file=PATH` are written to that file, `python`
-runs, `console` runs each line after `$ ` and shows exactly what it prints (`console exit=1` where it fails), `text` is
-for reading only. What says `in=rafcon` runs in the environment that has RAFCON.
+The info string of a block says what it is: `yaml file=PATH`, `xml file=PATH` and `python file=PATH` are written to that
+file, `python` runs, `console` runs each line after `$ ` and shows exactly what it prints (`console exit=1` where it
+fails), `text` is for reading only. What says `in=rafcon` runs in the environment that has RAFCON.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
 RAFCON_PYTHON = ROOT / ".venv-rafcon/bin/python"
 FENCE = re.compile(r"^```(?P<info>[^\n`]*)\n(?P<body>.*?)^```$", re.MULTILINE | re.DOTALL)
-KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh"}
+KINDS = {"yaml", "python", "console", "text", "json", "toml", "sh", "xml"}
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,10 @@ def _points(points: tuple[float, ...]) -> Extent:
     pieces = list(pairwise(corners))
     return Extent(
         open=tuple((low, high) for (low, one), (high, other) in pieces if max(one, other) > 0.0),
-        full=tuple((low, high) for (low, one), (high, other) in pieces if min(one, other) >= 1.0),
+        full=(
+            *((low, high) for (low, one), (high, other) in pieces if min(one, other) >= 1.0),
+            *((x, x) for x, y in corners if y >= 1.0),
+        ),
         peak=tuple((x, x) for x, y in corners if y > 0.0),
     )
 

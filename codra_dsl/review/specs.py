@@ -10,6 +10,7 @@ from codra_dsl.diagnostics import Diagnostic, Place, Span, suggest
 from codra_dsl.review.algorithms import algorithm_changes
 from codra_dsl.review.changes import Category, Change, Latency, Review, in_order
 from codra_dsl.review.knowledge import knowledge_changes
+from codra_dsl.review.loops import loop_changes
 from codra_dsl.review.observers import layout_changes, observer_changes, resource_changes
 from codra_dsl.review.skills import skill_changes
 from codra_dsl.review.variables import variable_changes
@@ -20,6 +21,11 @@ _KINDS = {"skills": "skill", "observers": "observer", "resources": "resource", "
     "nodes": "node",
     "edges": "edge",
     "tasks": "task",
+    "metrics": "metric",
+    "actions": "action",
+    "adaptation": "adaptation",
+    "trees": "tree",
+    "loops": "loop",
 }
 _BY_CODE = {"CDR5101": Category.CYCLIC, "CDR5102": Category.UNOBSERVABLE}
 
@@ -50,6 +56,7 @@ def _compared(pair: Pair) -> Iterator[Change]:
     yield from resource_changes(pair)
     yield from layout_changes(pair)
     yield from knowledge_changes(pair)
+    yield from loop_changes(pair)
 
 
 def _latencies(pair: Pair) -> Iterator[Latency]:

@@ -22,9 +22,9 @@ def variable_changes(pair: Pair) -> Iterator[Change]:
     told: set[tuple[str, ...]] = set()
     for name, old in pair.old.variables.items():
         new = pair.new.variables.get(name)
-        if new is None:
+        if new is None and not old.is_derived:
             yield _removed(pair, old)
-        else:
+        elif new is not None:
             yield from _of_type(pair, old, new)
             yield from _of_writers(pair, old, new)
             yield from _of_value(pair, old, new)
@@ -32,6 +32,8 @@ def variable_changes(pair: Pair) -> Iterator[Change]:
             yield from _of_producers(pair, name, told)
     for name in sorted(pair.gained):
         variable = pair.new.variables[name]
+        if variable.is_derived:
+            continue
         yield Change(
             category=Category.ADDED,
             element=pair.new.id("context", name),

@@ -1,0 +1,167 @@
+"""Loops in generated code: what the store's spec compiles to, and what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.compiler import compile_paths
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.trees import Action, Ports, Result, Robot
+from generated import store
+from generated.store import Store, action_engine, metric_engine
+from generated.store.mape import MAPE
+
+ROOT = Path(__file__).parents[1]
+CALM = {
+    "bumped": 0.0,
+    "person_distance": 6.0,
+    "picking_up": 0.0,
+    "order_open": 1.0,
+    "loaded": 0.0,
+    "battery_level": 80.0,
+    "battery_drain": 0.5,
+    "container_load": 0.0,
+}
+"""An order is open, the fork is empty, nobody is near."""
+
+
+def metrics(**seen: float) -> dict[str, float]:
+    known = CALM | seen
+    found = metric_engine.infer(*(known[name] for name in metric_engine.INPUTS))
+    return dict(zip(metric_engine.OUTPUTS, found.values, strict=True))
+
+
+def weights(**seen: float) -> dict[str, float]:
+    known = CALM | seen | metrics(**seen)
+    found = action_engine.infer(*(known[name] for name in action_engine.INPUTS))
+    names = (name.removeprefix("weight_of_") for name in action_engine.OUTPUTS)
+    return dict(zip(names, found.values, strict=True))
+
+
+def heaviest(**seen: float) -> str:
+    found = weights(**seen)
+    return max(found, key=lambda name: found[name])
+
+
+# P2, section 6
+
+
+def test_a_full_container_on_the_fork_goes_to_the_general_delivery_pose() -> None:
+    assert heaviest(loaded=1.0, container_load=1.0) == "pick"
+    assert heaviest(loaded=1.0, container_load=2.0) == "deliver"
+
+
+def test_a_person_close_to_a_robot_that_picks_up_halves_safety_and_sends_it_to_the_start() -> None:
+    assert metrics(picking_up=1.0, person_distance=1.5)["safety"] == pytest.approx(0.5)
+    assert heaviest(picking_up=1.0, person_distance=1.5) == "start"
+
+
+def test_people_in_the_corridors_do_not_stop_a_robot_that_drives() -> None:
+    assert heaviest(person_distance=1.0) == "pick"
+
+
+def test_a_battery_that_runs_low_sends_it_to_charge() -> None:
+    assert heaviest(battery_level=12.0) == "dock"
+
+
+def test_safety_never_falls_when_a_person_goes_away() -> None:
+    found = [metrics(picking_up=1.0, person_distance=step / 100.0)["safety"] for step in range(30, 600, 5)]
+
+    assert found == sorted(found)
+
+
+# What is generated
+
+
+def test_the_same_spec_compiles_to_the_same_bytes_and_one_without_loops_has_no_module_of_them() -> None:
+    first, second = (compile_paths([ROOT / "specs"], ROOT).files for _ in range(2))
+
+    assert first == second
+    assert "store/mape.py" in first
+    assert not {path for path in first if path.startswith(("lab/", "kitchen/")) and "mape" in path}
+
+
+def test_stages_name_the_inputs_outputs_and_rules_of_their_engines() -> None:
+    for stage, engine in ((MAPE.metrics, metric_engine), (MAPE.actions, action_engine)):
+        assert stage is not None
+        assert tuple(each.variable for each in stage.inputs) == engine.INPUTS
+        assert tuple(each.range for each in stage.inputs) == engine.RANGES
+        assert tuple(each.variable for each in stage.outputs) == engine.OUTPUTS
+        assert tuple(each.text for each in stage.rules) == engine.RULES
+
+
+def test_every_action_has_a_branch_and_each_rate_a_loop() -> None:
+    (mission, _) = MAPE.trees
+    (course,) = MAPE.courses
+
+    assert tuple(mission.branches) == course.choose
+    assert [loop.rates for loop in MAPE.loops] == [("battery_drain",), ()]
+    assert MAPE.rates[0].factor == pytest.approx(-60.0)
+
+
+# What it does
+
+
+class Busy(Action):
+    """An action that goes on until it is halted."""
+
+    def start(self, ports: Ports) -> Result:  # noqa: ARG002
+        return Result.RUNNING
+
+    def go_on(self, ports: Ports) -> Result:  # noqa: ARG002
+        return Result.RUNNING
+
+    def halt(self, ports: Ports) -> None:
+        """Nothing is to be undone."""
+
+
+@contextmanager
+def running() -> Iterator[tuple[Store, SimClock, Mape]]:
+    clock = SimClock()
+    robot = Robot()
+    for leaf in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested", "Report", "DetectContainer"):
+        robot.can(leaf, Busy)
+    for leaf in ("Rotate", "CheckWheels", "RaiseFork"):
+        robot.can(leaf, Busy)
+    with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=robot) as loops:
+        yield codra, clock, loops
+
+
+def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
+    with running() as (codra, clock, loops):
+        agents = {name: codra.agent(name) for name in ("navigation", "person_detection", "fork", "picker_page")}
+        planners = {name: codra.agent(name) for name in ("mission", "picking")}
+        tell = partial(_tell, agents | planners)
+        tell(person_distance=6.0)
+        for _ in range(40):
+            tell(person_distance=6.0)
+            clock.sleep(0.5)
+        calm = codra.get("course").value, codra.get("max_speed").value
+        planners["picking"].set("picking_up", True)
+        for _ in range(40):
+            tell(person_distance=1.2)
+            clock.sleep(0.5)
+
+        assert calm == ("pick", 1.2)
+        assert codra.get("safety").value == pytest.approx(0.5)
+        assert (codra.get("course").value, codra.get("max_speed").value) == ("start", 0.3)
+        assert loops.standing("course").state.action == "start"
+
+
+def _tell(agents: dict[str, object], *, person_distance: float) -> None:
+    told = {
+        "navigation": {"battery_level": 80.0, "bumped": False},
+        "person_detection": {"person_distance": person_distance},
+        "fork": {"loaded": False},
+        "picker_page": {"container_load": "empty"},
+        "mission": {"order_open": True},
+    }
+    for agent, values in told.items():
+        for name, value in values.items():
+            agents[agent].set(name, value)  # type: ignore[attr-defined]
