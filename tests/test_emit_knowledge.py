@@ -301,6 +301,27 @@ def test_a_tank_is_no_misspelt_task() -> None:
     assert [(node.name, node.type) for node in found.nodes] == [("tank", "tank")]
 
 
+def test_agents_with_long_names_alone_and_in_numbers_are_written_as_ruff_leaves_them(tmp_path: Path) -> None:
+    for count, long in ((1, "pump"), (60, "an_agent_with_a_name_that_says_all_that_it_is_there_for")):
+        agents = [f"{long}_{number}" for number in range(count)]
+        variables = "".join(f"  v{at}: {{of: tank, type: bool, source: {agent}}}\n" for at, agent in enumerate(agents))
+        names = "".join(f"  {agent}: {{}}\n" for agent in agents)
+        reads = ", ".join(f"v{at}" for at in range(count))
+        text = (
+            f"context:\n{variables}knowledge: {{nodes: {{tank: tank}}}}\nagents:\n{names}  it: {{reads: [{reads}]}}\n"
+        )
+        for name, written in emit(planned(f"codra: 1\nname: yard\n{text}")).items():
+            (tmp_path / name).parent.mkdir(exist_ok=True)
+            (tmp_path / name).write_text(written, "utf-8")
+        command = [sys.executable, "-m", "ruff", "format", "--check", "--line-length", "120", str(tmp_path)]
+        done = subprocess.run(command, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL)
+
+        assert done.returncode == 0, done.stdout
+        entry = (tmp_path / "yard/__init__.py").read_text("utf-8")
+        imported = [line.strip(" ,") for line in entry.splitlines() if line.endswith("Handle,")]
+        assert imported == sorted(imported, key=lambda name: int("".join(filter(str.isdecimal, name))))
+
+
 def test_a_spec_without_knowledge_has_no_graph() -> None:
     text = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     found = emit(planned(text))

@@ -96,7 +96,6 @@ def test_each_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None:
         'codra.get("kettle_state").value == "boilling"',
         'codra.expect("boil_water", "cok")',
         'codra.history("kettle")',
-        'codra.why("kettle")',
         'codra.subscribe("kettle", print)',
         'codra.wait_for("kettle", 1.0)',
         'codra.withdraw("kettle")',

@@ -159,18 +159,25 @@ def _handle(agent: str, name: str, names: _Names) -> Iterator[Class]:
     act = f'{act}\n{" " * (_INDENT + _STEP)}"""Begin, by a `with` statement, an action of which a rule tells."""'
     yield Class(
         name=transaction,
-        head=f"{transaction}({writes}, Transaction):{_NARROW}",
+        head=_head(transaction, writes, "Transaction"),
         docstring=f"Changes of agent '{agent}' that become visible together.",
         methods=(),
         stands_for="Transaction",
     )
     yield Class(
         name=name,
-        head=f"{name}({writes}, AgentHandle):{_NARROW}",
+        head=_head(name, writes, "AgentHandle"),
         docstring=f"The handle of agent '{agent}'.",
         methods=(begin, act),
         stands_for="AgentHandle",
     )
+
+
+def _head(name: str, writes: str, base: str) -> str:
+    """Return the head of a class that takes fewer names than its base, as `ruff format` leaves it."""
+    flat, step = f"{name}({writes}, {base}):", _STEP * " "
+    fits = len("    class ") + len(flat) <= WIDTH
+    return f"{flat if fits else f'{name}({chr(10)}{2 * step}{writes}, {base}{chr(10)}{step}):'}{_NARROW}"
 
 
 _VALUE = ("value: object", "*", "evidence_s: float | None = None")
@@ -197,7 +204,7 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
     yield Class(name="_Reads", head="_Reads:", docstring="What there is to read.", methods=reads)
     yield Class(
         name=snapshot,
-        head=f"{snapshot}(_Reads, Snapshot):{_NARROW}",
+        head=_head(snapshot, "_Reads", "Snapshot"),
         docstring=f"The graph of '{plan.name}' at one instant.",
         methods=(),
         stands_for="Snapshot",
@@ -212,7 +219,7 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
     yield Class(name="_Graph", head="_Graph:", docstring="Who writes, and what there is to read.", methods=methods)
     yield Class(
         name=graph,
-        head=f"{graph}(_Graph, Knowledge):{_NARROW}",
+        head=_head(graph, "_Graph", "Knowledge"),
         docstring=f"The graph of '{plan.name}'.",
         methods=(),
         stands_for="Knowledge",

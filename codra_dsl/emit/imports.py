@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 from codra_dsl.emit.conditions import POSES, WORDS
@@ -100,6 +101,7 @@ def statement(home: str, names: Iterable[str]) -> str:
     return before + laid_out(spread_tuple(flat.split(", ")))
 
 
-def _by_kind(name: str) -> tuple[int, str]:
-    """Return the key by which ruff sorts: constants, classes, the rest."""
-    return (0 if name.isupper() else 1 if name[0].isupper() else 2, name)
+def _by_kind(name: str) -> tuple[int, list[str | int]]:
+    """Return the key by which ruff sorts: constants, classes, the rest; numbers within names by what they count."""
+    parts = [int(part) if part.isdecimal() else part for part in re.split("([0-9]+)", name)]
+    return (0 if name.isupper() else 1 if name[0].isupper() else 2, parts)
