@@ -152,15 +152,16 @@ def _uri(kind: str, data: bytes) -> str:
 
 
 def _table(table: Table) -> _ShownTable:
-    """Return a table in which a column without words stands to the right."""
-    columns = [[row[column] for row in table.rows if row[column] not in _ABSENT] for column in range(len(table.header))]
+    """Return a table in which a column without words stands to the right; one without rows says so."""
+    told = table.rows or [("none", *[""] * (len(table.header) - 1))]
+    columns = [[row[column] for row in told if row[column] not in _ABSENT] for column in range(len(table.header))]
     numeric = [bool(cells) and all(map(_is_number, cells)) for cells in columns]
     rows = [
         [
             _ShownCell(text=_text(cell), is_number=numeric[column], is_marked=(number, column) in table.marked)
             for column, cell in enumerate(row)
         ]
-        for number, row in enumerate(table.rows)
+        for number, row in enumerate(told)
     ]
     header = [
         _ShownCell(text=text, is_number=is_number, is_marked=False)
@@ -170,7 +171,8 @@ def _table(table: Table) -> _ShownTable:
 
 
 _ABSENT = (None, "", "-", "\u2013")
-_FIGURE = re.compile(r"([-+\u2212\u2013\u00b1\d\s.,%()\[\]/]|\bto\b)*\d([-+\u2212\u2013\u00b1\d\s.,%()\[\]/]|\bto\b)*")
+_BETWEEN_DIGITS = r"([-+\u2212\u2013\u00b1\d\s.,%()\[\]/]|\bto\b|(?<=\d)e(?=[-+]?\d))*"
+_FIGURE = re.compile(rf"{_BETWEEN_DIGITS}\d{_BETWEEN_DIGITS}")
 """A number, a share or an interval, rounded to text."""
 
 

@@ -94,7 +94,8 @@ class TrialRecord:
 
 def _frames_of(outcome: Outcome) -> Iterator[str]:
     for decision in outcome.decisions:
-        yield from (basis.frame for basis in decision.wrong.values() if basis.frame)
+        told = (*decision.wrong.values(), decision.wrong_answer)
+        yield from (basis.frame for basis in told if basis is not None and basis.frame)
     yield from (kept.file for kept in outcome.kept)
 
 

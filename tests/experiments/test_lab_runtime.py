@@ -6,6 +6,7 @@ import json
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,6 +21,7 @@ from codra_dsl.experiments.lab_runtime.paper import PAPER
 from codra_dsl.experiments.lab_runtime.runs import DECISION_S, Pair, day, tending
 from codra_dsl.experiments.lab_runtime.wrong import mistakes
 from codra_dsl.experiments.outcomes import OWN_LOOK, Outcome
+from codra_dsl.experiments.records import TrialRecord
 from codra_dsl.experiments.trials import run_trial
 from codra_dsl.worlds.lab.mission import PCR_CYCLER, Mission, MissionError
 
@@ -223,6 +225,25 @@ def test_a_decision_on_a_wrong_value_is_told_with_the_frame_and_what_was_seen(mi
     assert mistake.basis.algorithm == "localize_pcr_cycler_lid"
     assert mistake.cause.startswith("seen wrongly: latched True")
     assert (folder / "trials" / outcome.name / mistake.basis.frame).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_whose_frame_of_a_wrong_answer_was_lost_is_as_if_it_were_not_there(
+    settings: Settings, misled: tuple[Path, Outcome], tmp_path: Path
+) -> None:
+    folder, outcome = misled
+    answered = next(one for one in outcome.decisions if one.wrong_answer is not None)
+    lone = replace(outcome, decisions=[replace(answered, wrong={})])
+    trial = replace(tending(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
+    record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
+    shutil.copytree(folder / "trials" / outcome.name, record.frames)
+    text = lone.to_json()
+    record.path.write_text(f"made-from {sha256(text.encode()).hexdigest()}\n{text}")
+    was_there = record.read()
+    assert answered.wrong_answer is not None
+    (record.frames / answered.wrong_answer.frame).unlink()
+
+    assert was_there == lone
+    assert record.read() is None
 
 
 def test_an_answer_is_judged_by_the_truth_when_it_was_given_not_when_it_was_asked_for(

@@ -155,6 +155,22 @@ def test_a_table_says_what_is_a_header_stands_its_numbers_to_the_right_and_marks
     assert page.texts["caption"][1].startswith("What this report was made with.")
 
 
+def test_a_table_without_rows_says_so() -> None:
+    empty = Table(caption="Errors.", header=("run", "at s", "error"), rows=[])
+
+    assert page_of(empty).texts["td"][:2] == ["", ""]
+    assert page_of(empty).texts["th"][:4] == ["run", "at s", "error", "none"]
+
+
+@pytest.mark.parametrize(
+    ("figure", "is_number"), [("1.5e-05", True), ("5.9e-123", True), ("e-05", False), ("1e", False)]
+)
+def test_a_very_small_number_is_a_number(figure: str, is_number: bool) -> None:
+    page = page_of(Table(caption="Chance.", header=("part", "p"), rows=[("whole", figure)]))
+
+    assert (next(page.all("td")).get("class") == "number") is is_number
+
+
 def test_pictures_say_in_words_what_they_show_and_a_drawing_is_kept_whole(photograph: Photograph) -> None:
     page = page_of(Drawing(caption="drawn", svg=SVG), photograph, photograph)
 

@@ -15,6 +15,11 @@ from codra_dsl.experiments.lab_runtime.savings import Saving, saving
 from codra_dsl.experiments.lab_runtime.sources import answered_share, parts_table, plain, reasons
 from codra_dsl.experiments.outcomes import Decision, Outcome
 
+_PARTS = (
+    "Seconds of perception saved, in parts that add up. What stands here as without observers are as many mean looks of"
+    " the day without them."
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Day:
@@ -55,9 +60,7 @@ def judge_day(pair: Pair) -> Finding:
                     " perception tasks that came up with observers, each against a mean look without."
                 ),
                 _comparison(pair, told),
-                parts_table(
-                    {"the day with observers": told.found}, "Seconds of perception saved, in parts that add up."
-                ),
+                parts_table({"the day with observers": told.found}, _PARTS),
                 _reasons_table(told),
                 _interruptions_table(pair),
             ],
