@@ -54,6 +54,7 @@ class Mape:
 
         Raises:
             TreeError: if the robot lacks an action.
+            ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
             AgentTakenError: if somebody has the handle of the analyst or of the adapter.
         """
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
@@ -167,7 +168,11 @@ class Loop:
         self._idle.set()
 
     def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
-        aborts_s = [each.abort_s for each in self._model.courses if each.name == model.course]
+        courses = [each for each in self._model.courses if each.name == model.course]
+        missing = [action for each in courses for action in each.choose if action not in model.branches]
+        if missing or (model.course and not courses):
+            lacks = f"no branch for {', '.join(missing)}" if missing else f"no course {model.course!r} to follow"
+            raise ValueError(f"the tree {model.name!r} has {lacks}")
         try:
             knowledge = self._codra.knowledge
         except LookupError:
@@ -177,7 +182,7 @@ class Loop:
             leaves=leaves,
             clock=self._clock,
             knowledge=knowledge,
-            abort_s=min(aborts_s, default=0.0),
+            abort_s=min((each.abort_s for each in courses), default=0.0),
             tell=self._tell,
         )
 
