@@ -19,7 +19,7 @@ from codra_dsl.output import RULES, digests
 from codra_dsl.plan import plan
 from codra_dsl.project import relative
 from codra_dsl.timings import UNTIMED, Timings
-from codra_dsl.trees.named import read_trees
+from codra_dsl.trees.named import files_read, read_trees
 from codra_dsl.triage import Settings, read_sources, settings_of, triaged
 
 
@@ -32,7 +32,7 @@ class Planned:
         plans: of the specs without errors that keep them from being planned, by name.
         diagnostics: as the project's settings and comments in the specs want them, in file order, each once.
         files: of the specs, with their parts, relative to the root; `specs` has those of the specs alone.
-        modules: files of Python modules that were read, or looked for in vain, relative to the root.
+        modules: files of Python modules and of trees that were read, or looked for in vain, relative to the root.
     """
 
     root: Path
@@ -125,9 +125,12 @@ def _planned(
     diagnostics = [*about_settings, *found.diagnostics]
     specs: list[Spec] = []
     plans: list[BuildPlan] = []
+    read_too: set[str] = set()
     for spec, read in loaded:
         with timings.stage("check"):
-            checked, judged = check(spec, read_trees(spec, root)) if spec is not None else (None, ())
+            trees = read_trees(spec, root) if spec is not None else {}
+            checked, judged = check(spec, trees) if spec is not None else (None, ())
+        read_too |= {*spec.modules, *files_read(spec, trees)} if spec is not None else set()
         diagnostics += (*read, *judged)
         specs += [spec] if spec is not None else []
         with timings.stage("plan"):
@@ -145,7 +148,7 @@ def _planned(
         settings=settings,
         files=files,
         specs=tuple(names),
-        modules=tuple(sorted({file for spec in specs for file in spec.modules})),
+        modules=tuple(sorted(read_too)),
     )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
 
 from codra_dsl.diagnostics import Diagnostic
 from codra_dsl.model import Spec
@@ -47,6 +47,16 @@ def read_trees(spec: Spec, root: Path) -> Mapping[str, Read]:
         else:
             found[tree.name] = by_file[path] = _read(path, root)
     return found
+
+
+def files_read(spec: Spec, trees: Mapping[str, Read]) -> Iterator[str]:
+    """Yield the files that the trees of a spec come from, or in which they were looked for in vain."""
+    for tree in spec.trees:
+        forest, _ = trees.get(tree.name, UNREAD)
+        path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)
+        yield from [file.file for file in forest.forest.files] if forest is not None else []
+        if not path.startswith("..") and not PurePosixPath(path).is_absolute():
+            yield path
 
 
 def _read(path: Path, root: Path) -> Read:

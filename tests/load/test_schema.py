@@ -37,7 +37,7 @@ def test_the_schema_is_one_of_draft_2020_12() -> None:
     jsonschema.Draft202012Validator.check_schema(schema())
 
 
-@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_both_validators_accept_every_valid_spec_and_part_whole(path: Path) -> None:
     source = accept(path.read_text("utf-8"), path.name, Findings())
     assert source is not None
