@@ -46,8 +46,11 @@ def tending(pairs: Sequence[Pair]) -> Finding:
         _welch_table(pairs),
     ]
     if further:
-        parts[3:3] = [_table_3(further, f"The same over {len(further)} further seeds.")]
-        parts += [_figure_8_table(further, f"The same over {len(further)} further seeds."), _intervals(further)]
+        parts[3:3] = [_table_3(further, f"As Table 3, over {len(further)} further seeds.")]
+        parts += [
+            _figure_8_table(further, f"Figure 8 in numbers, over {len(further)} further seeds."),
+            _intervals(further),
+        ]
     return Finding(
         section=Section(title="Opening and closing the PCR-cycler", parts=parts),
         summary=[_sentence(task, pairs) for task in Task],

@@ -19,7 +19,7 @@ from codra_dsl.experiments.robustness.mistakes import Mistake
 from codra_dsl.experiments.statistics import Estimate, Share, ratio_of_sums
 
 HOPED_RATIO = 0.985
-"""Of `centrifuge_open` with preconditions and need, in P1's counting."""
+"""Of `centrifuge_open` with preconditions, in P1's counting: told of each arm that has them."""
 
 HOPED_REDUCTION = 0.9
 """Of triggers, with need and on event, against the naive arm."""
@@ -54,12 +54,15 @@ def _hope_for_the_ratio(runs: Runs) -> str:
         f"{_number(ratio_of_sums([found.paper]))} (strict {_number(ratio_of_sums([found.strict]))}) with {arm}"
         for arm, found in reached.items()
     )
-    found = ratio_of_sums([reached[NEED.name].paper])
-    outcome = "gives no ratio" if found is None else "reaches it" if found >= HOPED_RATIO else "does not reach it"
+    outcomes = "; ".join(f"{arm} {_hope(ratio_of_sums([reached[arm].paper]))}" for arm in CONTEXT_DRIVEN)
     return (
         f"centrifuge_open over {_count(len(runs.outcomes), 'run')}: ratio {told}. "
-        f"Hoped for: at least {HOPED_RATIO}; {NEED.name} {outcome}."
+        f"Hoped for: at least {HOPED_RATIO}; {outcomes}."
     )
+
+
+def _hope(found: float | None) -> str:
+    return "gives no ratio" if found is None else "reaches it" if found >= HOPED_RATIO else "does not reach it"
 
 
 def _better(found: Estimate) -> str:
