@@ -301,7 +301,7 @@ def test_metrics_weights_and_the_course_are_shown_where_agents_write_them() -> N
         _, view = shop.ask("GET", "/view")
 
     assert [(each["label"], each["value"]) for each in view["metrics"]] == [("Safety", 0.5)]
-    assert [(each["name"], each["value"]) for each in view["weights"]] == [("base.weight_of_deliver", 0.25)]
+    assert [(each["label"], each["value"]) for each in view["weights"]] == [("Deliver", 0.25)]
     assert [(each["value"], each["reason"]) for each in view["courses"]] == [(None, "Never observed")]
     assert [each["wrote_s"] for each in view["loop"] if each["phase"] == "analyse"] == [0.0]
 

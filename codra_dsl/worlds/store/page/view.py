@@ -79,7 +79,7 @@ def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> 
             found[node.name, attribute.name] = Shown(
                 node=node.name,
                 name=attribute.name,
-                label=attribute.label or _spoken(attribute.name),
+                label=_label(attribute.name, attribute.label),
                 type=attribute.type,
                 sources=tuple(writer.agent for writer in attribute.sources),
             )
@@ -88,7 +88,7 @@ def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> 
         found[nodes[each.name], each.name] = Shown(
             node=nodes[each.name],
             name=each.name,
-            label=each.label or _spoken(each.name.removeprefix(WEIGHT)),
+            label=_label(each.name, each.label),
             type=each.type,
             sources=each.sources,
         )
@@ -115,6 +115,10 @@ def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
         "refusals": [_refusal(each) for each in knowledge.refusals()[-MOST_REFUSALS:]],
         **parts,
     }
+
+
+def _label(name: str, label: str) -> str:
+    return label if label not in ("", name) else _spoken(name.removeprefix(WEIGHT))
 
 
 def _told(shown: Shown, reading: Reading[Any]) -> View:
