@@ -122,8 +122,8 @@ def test_why_of_a_parameter_tells_what_set_it(tmp_path: Path) -> None:
 
 
 def test_a_variable_that_is_called_like_a_parameter_is_not_taken_for_it() -> None:
-    named = replace(MAPE, parameters=(replace(SPEED, name="person_distance"),))
-    shop = Shop(named)
+    loop = replace(MAPE.loops[0], adapt=("course", "person_distance"))
+    shop = Shop(replace(MAPE, loops=(loop,), parameters=(replace(SPEED, name="person_distance"),)))
     shop.begin()
     assert "set at" not in str(shop.codra.why("person_distance"))
     assert "set at 0 s to 1.2" in str(shop.codra.why("max_speed"))
