@@ -62,7 +62,8 @@ class Ledger:
         declared: by variable, whose need for it was declared or withdrawn last.
         expected: by variable, what last came of what a skill expects of it.
         knowledge: by node, attribute, edge or task, the last of each that became of it.
-        adaptations: by course or parameter and by the variable that holds it, the last of each that became of it.
+        adaptations: by `adaptation/NAME` of a course or parameter, and by `context/NAME` of the variable that holds it,
+            the last of each that became of it.
     """
 
     def __init__(self) -> None:
@@ -115,9 +116,11 @@ class Ledger:
             case Kind.KNOWLEDGE:
                 self.knowledge[event.name] = _with(self.knowledge.get(event.name, {}), event)
             case Kind.ADAPTATION:
-                about = (event.details.get(key, event.name) for key in ("variable", "course"))
-                for name in dict.fromkeys((event.name, *map(str, about))):
-                    self.adaptations[name] = _with(self.adaptations.get(name, {}), event)
+                keys = [f"adaptation/{event.details.get('course', event.name)}"]
+                if "variable" in event.details:
+                    keys.append(f"context/{event.details['variable']}")
+                for key in keys:
+                    self.adaptations[key] = _with(self.adaptations.get(key, {}), event)
             case _:
                 pass
 

@@ -54,6 +54,7 @@ class Mape:
 
         Raises:
             TreeError: if the robot lacks an action.
+            UnknownNameError: if a loop names what is not declared.
             ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
             AgentTakenError: if somebody has the handle of the analyst or of the adapter.
         """
@@ -154,6 +155,7 @@ class Loop:
         self._loop = loop
         self._clock = clock
         self._pens = pens
+        _check_names(model, loop)
         self.planning = Planning(model, loop, {each.name: each.type for each in codra.model.variables})
         self.trees = {each.name: self._execution(each, leaves) for each in model.trees if each.name in loop.execute}
         self._lock = threading.Lock()
@@ -353,3 +355,21 @@ class Loop:
 
 def _ignore(_: object) -> None:
     pass
+
+
+def _check_names(model: MapeModel, loop: LoopModel) -> None:
+    """Refuse a loop that names what is not declared."""
+    metrics = () if model.metrics is None else model.metrics.outputs
+    declared = {
+        "rate": (loop.rates, [each.variable for each in model.rates]),
+        "metric": (loop.analyse, [each.name for each in metrics]),
+        "course or parameter": (
+            loop.adapt,
+            [*(each.name for each in model.courses), *(each.name for each in model.parameters)],
+        ),
+        "tree": (loop.execute, [each.name for each in model.trees]),
+    }
+    for kind, (named, known) in declared.items():
+        for name in named:
+            if name not in known:
+                raise unknown(kind, name, known)

@@ -23,7 +23,7 @@ _REASONS = {
 
 def explain_course(ledger: Ledger, name: str, at_s: float) -> Why | None:
     """Return why a course or parameter is what it is, if a loop has decided about one of this name."""
-    found = ledger.adaptations.get(name, {})
+    found = ledger.adaptations.get(f"adaptation/{name}", {})
     last = found.get("chosen", found.get("set"))
     if last is None:
         return None
@@ -36,12 +36,15 @@ def explain_course(ledger: Ledger, name: str, at_s: float) -> Why | None:
         identified_s=last.instant_s,
         source=last.details["agent"],
     )
-    return Why(at_s=at_s, reading=reading, story=tuple(adapting(ledger, name)))
+    return Why(at_s=at_s, reading=reading, story=tuple(_chain(found)))
 
 
-def adapting(ledger: Ledger, name: str) -> Iterator[str]:
-    """Yield the chain of the last decision about a course or parameter; nothing about what is neither."""
-    found = ledger.adaptations.get(name, {})
+def adapting(ledger: Ledger, variable: str) -> Iterator[str]:
+    """Yield the chain of the last decision about what a variable holds; nothing if no loop decides about it."""
+    return _chain(ledger.adaptations.get(f"context/{variable}", {}))
+
+
+def _chain(found: Mapping[str, Event]) -> Iterator[str]:
     if "set" in found:
         yield from _of_setting(found["set"])
     if "chosen" in found:

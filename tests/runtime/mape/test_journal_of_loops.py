@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -15,7 +16,7 @@ from codra_dsl.runtime.mape.observations import Observation
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.why import explain
 from tests.runtime.journals import read
-from tests.runtime.mape.shop import KNOWLEDGE, MAPE, MODEL, Shop
+from tests.runtime.mape.shop import KNOWLEDGE, MAPE, MODEL, SPEED, Shop
 
 
 def run(path: Path) -> Shop:
@@ -118,3 +119,11 @@ def test_why_of_a_parameter_tells_what_set_it(tmp_path: Path) -> None:
     told = str(shop.codra.why("max_speed", at_s=13.0))
     assert "set at 12 s to 0.3: 0.3 m/s if safety < 0.6 else 1.2 m/s" in told
     assert "metric safety: 0.5" in told
+
+
+def test_a_variable_that_is_called_like_a_parameter_is_not_taken_for_it() -> None:
+    loop = replace(MAPE.loops[0], adapt=("course", "person_distance"))
+    shop = Shop(replace(MAPE, loops=(loop,), parameters=(replace(SPEED, name="person_distance"),)))
+    shop.begin()
+    assert "set at" not in str(shop.codra.why("person_distance"))
+    assert "set at 0 s to 1.2" in str(shop.codra.why("max_speed"))

@@ -10,7 +10,7 @@ from functools import partial
 
 import pytest
 
-from codra_dsl.runtime import Kind, NotASourceError, WallClock
+from codra_dsl.runtime import Kind, NotASourceError, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import choose, value
 from codra_dsl.runtime.knowledge import AgentTakenError, Stage
 from codra_dsl.runtime.mape.declarations import MapeModel, Repeat
@@ -322,6 +322,12 @@ def test_a_tree_without_a_branch_for_an_action_is_told_when_the_loop_is_made() -
         Shop(replace(MAPE, trees=(replace(MISSION, branches={"deliver": "deliver", "start": "start"}),)))
     with pytest.raises(ValueError, match="the tree 'mission' has no course 'cruise' to follow"):
         Shop(replace(MAPE, trees=(replace(MISSION, course="cruise"),)))
+
+
+@pytest.mark.parametrize("key", ["rates", "analyse", "adapt", "execute"])
+def test_a_loop_that_names_what_is_not_declared_is_told_when_it_is_made(key: str) -> None:
+    with pytest.raises(UnknownNameError, match="'cruise'"):
+        Shop(replace(MAPE, loops=(replace(MAPE.loops[0], **{key: ("cruise",)}),)))  # type: ignore[arg-type]
 
 
 def a_story() -> Shop:
