@@ -160,6 +160,17 @@ def place_of(about: Any) -> Place | None:
     return Place(file=str(about["file"]), line=int(about["line"]), use=place_of(about.get("use")))
 
 
+def places_in(folder: Path | None, name: str) -> Mapping[str, Place]:
+    """Return where all of a spec stands, by what it is and its name; nothing if there is no generated package.
+
+    Args:
+        folder: of the package.
+        name: of the spec.
+    """
+    found = {} if folder is None else _json(folder / SOURCES)
+    return {key.removeprefix(f"{name}/"): place for key, about in found.items() if (place := place_of(about))}
+
+
 def outlined(
     name: str,
     variables: Iterable[VariableModel],
@@ -176,8 +187,7 @@ def outlined(
         skills: of the main execution.
         folder: of the generated package, which tells where all of it stands in the spec.
     """
-    found = {} if folder is None else _json(folder / SOURCES)
-    places = {key.removeprefix(f"{name}/"): place for key, about in found.items() if (place := place_of(about))}
+    places = places_in(folder, name)
     branches = [(observer.model, branch) for observer in observers for branch in observer.branches]
     return Outline(
         name=name,

@@ -22,9 +22,11 @@ from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.mape.execution import Execution
 from codra_dsl.runtime.mape.keeping import keeping
+from codra_dsl.runtime.mape.places import placed
 from codra_dsl.runtime.mape.planning import Planning, Setting, Written
 from codra_dsl.runtime.mape.telling import chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.names import unknown
+from codra_dsl.runtime.outline import package_folder, places_in
 from codra_dsl.runtime.subscriptions import Subscription
 from codra_dsl.runtime.trees import Robot
 from codra_dsl.runtime.trees.node import Leaves
@@ -35,7 +37,11 @@ Manager = ContextManager[Any, Any]
 
 
 class Mape:
-    """All loops of a spec. Use it as a Python context manager, so that all trees are halted in the end."""
+    """All loops of a spec. Use it as a Python context manager, so that all trees are halted in the end.
+
+    Attributes:
+        model: what the spec says of them, with places.
+    """
 
     def __init__(self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | None = None) -> None:
         """Make the loops; nothing runs before `start`.
@@ -48,9 +54,10 @@ class Mape:
 
         Raises:
             TreeError: if the robot lacks an action.
+            ValueError: if a tree lacks the branch of an action that its course chooses from, or the course.
             AgentTakenError: if somebody has the handle of the analyst or of the adapter.
         """
-        self.model = model
+        self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._pens = _Pens(codra, model)
         leaves = Robot() if robot is None else robot
         self._loops = {each.name: Loop(codra, model, each, clock, leaves, self._pens) for each in model.loops}
@@ -161,7 +168,11 @@ class Loop:
         self._idle.set()
 
     def _execution(self, model: TreeModel, leaves: Leaves) -> Execution:
-        aborts_s = [each.abort_s for each in self._model.courses if each.name == model.course]
+        courses = [each for each in self._model.courses if each.name == model.course]
+        missing = [action for each in courses for action in each.choose if action not in model.branches]
+        if missing or (model.course and not courses):
+            lacks = f"no branch for {', '.join(missing)}" if missing else f"no course {model.course!r} to follow"
+            raise ValueError(f"the tree {model.name!r} has {lacks}")
         try:
             knowledge = self._codra.knowledge
         except LookupError:
@@ -171,7 +182,7 @@ class Loop:
             leaves=leaves,
             clock=self._clock,
             knowledge=knowledge,
-            abort_s=min(aborts_s, default=0.0),
+            abort_s=min((each.abort_s for each in courses), default=0.0),
             tell=self._tell,
         )
 

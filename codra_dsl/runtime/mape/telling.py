@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from codra_dsl.runtime.journal.encoding import json_text
-from codra_dsl.runtime.mape.analysis import Assessment, Judged, Stage
+from codra_dsl.runtime.mape.analysis import Assessment, Degree, Judged, Stage
 from codra_dsl.runtime.mape.courses import Decision
 from codra_dsl.runtime.mape.declarations import CourseModel
 from codra_dsl.runtime.mape.keeping import Keeping
@@ -40,11 +40,7 @@ def evidence_of(assessment: Assessment) -> Details:
     stages = (assessment.metrics, assessment.actions)
     return {
         "readings": _readings(stages),
-        "degrees": [
-            _without_none(variable=each.variable, term=each.term, low=each.low, high=each.high)
-            for stage in stages
-            for each in stage.degrees
-        ],
+        "degrees": [_degree(each) for each in dict.fromkeys(each for stage in stages for each in stage.degrees)],
         "rules": [
             _without_none(
                 text=each.text,
@@ -87,6 +83,10 @@ def _readings(stages: Sequence[Stage]) -> list[Details]:
         for each in seen.values()
         if each.variable not in judged
     ]
+
+
+def _degree(each: Degree) -> Details:
+    return _without_none(variable=each.variable, term=each.term, low=_finite(each.low), high=_finite(each.high))
 
 
 def _judged(each: Judged) -> Details:

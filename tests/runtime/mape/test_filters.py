@@ -218,3 +218,16 @@ def test_equal_weights_switch_nothing_though_no_lead_is_asked_for() -> None:
     model = course()
     assert len(play(model, changes((1.0, 0.5, 0.0), (0.5, 0.5, 0.5), (0.5, 0.5, 0.0)))) == 1
     assert not leads(model, 0.5, 0.5)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(0.01, 3.0), min_size=1, max_size=6))
+def test_a_smoothed_weight_follows_by_its_time_constant_whatever_the_steps(
+    old: float, new: float, gaps_s: list[float]
+) -> None:
+    model = course(smooth_s=2.0)
+    state = step(model, FilterState(), 0.0, {"pick": old, "start": 0.0, "dock": 0.0}).state
+    state = step(model, state, 0.0, {"pick": new, "start": 0.0, "dock": 0.0}).state
+    for instant_s in itertools.accumulate(gaps_s):
+        state = step(model, state, instant_s, {"pick": new, "start": 0.0, "dock": 0.0}).state
+    expected = new + (old - new) * math.exp(-sum(gaps_s) / 2.0)
+    assert state.tracked["pick"].smoothed == pytest.approx(expected, abs=1e-9)

@@ -317,6 +317,13 @@ def test_a_robot_that_lacks_an_action_is_told_when_the_loop_is_made() -> None:
         Shop(robot=Robot())
 
 
+def test_a_tree_without_a_branch_for_an_action_is_told_when_the_loop_is_made() -> None:
+    with pytest.raises(ValueError, match="the tree 'mission' has no branch for dock"):
+        Shop(replace(MAPE, trees=(replace(MISSION, branches={"deliver": "deliver", "start": "start"}),)))
+    with pytest.raises(ValueError, match="the tree 'mission' has no course 'cruise' to follow"):
+        Shop(replace(MAPE, trees=(replace(MISSION, course="cruise"),)))
+
+
 def a_story() -> Shop:
     """Return a shop in which much has happened."""
     shop = Shop()
