@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -83,7 +84,7 @@ def test_a_smooth_term_holds_at_least_where_its_degree_is_above_zero(shape: Shap
 def test_between_its_ends_a_term_does_not_change_whether_it_holds(shape: Shape, data: st.DataObject) -> None:
     found = extent(data.draw(some_terms(shape)))
     ends = (-10.0, *found.ends, 10.0)
-    low, high = data.draw(st.sampled_from([pair for pair in zip(ends, ends[1:], strict=False) if pair[0] < pair[1]]))
+    low, high = data.draw(st.sampled_from([pair for pair in pairwise(ends) if pair[0] < pair[1]]))
     shares = data.draw(st.tuples(*[st.sampled_from((0.1, 0.3, 0.5, 0.9))] * 2))
     one, other = (low + share * (high - low) for share in shares)
 
