@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from codra_dsl.compiler import compile_paths
 from codra_dsl.runtime import SimClock
@@ -76,6 +79,19 @@ def test_safety_never_falls_when_a_person_goes_away() -> None:
     assert found == sorted(found)
 
 
+@given(
+    **{name: st.sampled_from((0.0, 1.0)) for name in ("bumped", "picking_up", "order_open", "loaded")},
+    person_distance=st.floats(0.0, 10.0),
+    battery_level=st.floats(0.0, 100.0),
+    battery_drain=st.floats(0.0, 5.0),
+    container_load=st.sampled_from((0.0, 1.0, 2.0)),
+)
+def test_some_rule_acts_in_every_case_as_no_finding_says_otherwise(**seen: float) -> None:
+    found = metrics(**seen) | weights(**seen)
+
+    assert all(0.0 <= value <= 1.0 for value in found.values()), found
+
+
 # What is generated
 
 
@@ -103,6 +119,31 @@ def test_every_action_has_a_branch_and_each_rate_a_loop() -> None:
     assert tuple(mission.branches) == course.choose
     assert [loop.rates for loop in MAPE.loops] == [("battery_drain",), ()]
     assert MAPE.rates[0].factor == pytest.approx(-60.0)
+
+
+def test_files_beside_the_code_know_each_rule_and_condition_and_draw_who_reads_sets_and_executes_what() -> None:
+    files = compile_paths([ROOT / "specs"], ROOT).files
+    sources, graph = json.loads(files["store/sources.json"]), json.loads(files["store/graph.json"])
+    edges = {(each["source"], each["kind"], each["target"]) for each in graph["edges"]}
+
+    assert sources["store/metric/safety/rules/0"]["file"] == "specs/store.yaml"
+    assert {"store/action/dock/rules/1", "store/adaptation/course/always/0", "store/tree/mission"} <= sources.keys()
+    assert {
+        ("store/metric/safety", "reads", "store/context/person_distance"),
+        ("store/action/dock", "reads", "store/metric/power_autonomy"),
+        ("store/adaptation/course", "weighs", "store/action/dock"),
+        ("store/adaptation/course", "switches", "store/tree/mission"),
+        ("store/adaptation/speed", "sets", "store/context/max_speed"),
+        ("store/tree/mission", "requests", "store/task/navigating"),
+        ("store/loop/mission", "executes", "store/tree/mission"),
+    } <= edges
+    assert {end for source, _, target in edges for end in (source, target)} <= {each["id"] for each in graph["nodes"]}
+
+
+def test_the_file_of_a_tree_is_an_input_of_the_run_that_names_it() -> None:
+    planned = compile_paths([ROOT / "specs"], ROOT).planned
+
+    assert {"specs/trees/mission.xml", "specs/trees/pick_up.xml"} <= set(planned.modules)
 
 
 # What it does
