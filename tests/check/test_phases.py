@@ -181,6 +181,11 @@ def test_every_finding_has_a_way_out_and_a_path_that_names_its_element() -> None
                 "agents",
                 "templates",
                 "knowledge",
+                "metrics",
+                "actions",
+                "adaptation",
+                "trees",
+                "loops",
             )
             assert name
 
