@@ -198,7 +198,7 @@ _SECTIONS = {
 
 
 def _origin(plan: BuildPlan, node: Node) -> str:
-    """Return where an element of knowledge or of loops is declared, as `load` calls it; a type that only nodes name, with these."""
+    """Return where an element of knowledge or loops is declared; a type that only nodes name, with these."""
     spec = plan.checked.spec
     key = (_SECTIONS[node.kind], node.name)
     if key in spec.origins:
