@@ -178,7 +178,7 @@ def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
         groups |= dict.fromkeys(nodes, module.name)
     taken = entry_names(plan.checked.spec)
     for node, _ in graph_nodes(plan):
-        if node not in groups:  # of knowledge, which has one module
+        if node not in groups:  # of knowledge or loops, which have modules of their own
             groups[node] = module_name(_origin(plan, node), taken)
     return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
 
@@ -189,11 +189,16 @@ _SECTIONS = {
     NodeKind.TYPE: "types",
     NodeKind.EDGE: "edges",
     NodeKind.TASK: "tasks",
+    NodeKind.METRIC: "metrics",
+    NodeKind.ACTION: "actions",
+    NodeKind.ADAPTATION: "adaptation",
+    NodeKind.TREE: "trees",
+    NodeKind.LOOP: "loops",
 }
 
 
 def _origin(plan: BuildPlan, node: Node) -> str:
-    """Return where an element of knowledge is declared, as `load` calls it; a type that only nodes name, with these."""
+    """Return where an element of knowledge or loops is declared; a type that only nodes name, with these."""
     spec = plan.checked.spec
     key = (_SECTIONS[node.kind], node.name)
     if key in spec.origins:

@@ -30,6 +30,11 @@ _SHAPES: Mapping[Shown, tuple[str, str]] = {
     Shown.TYPE: ("(", ")"),
     Shown.EDGE: ("((", "))"),
     Shown.TASK: ("[[", "]]"),
+    Shown.METRIC: ("[", "]"),
+    Shown.ACTION: ("([", "])"),
+    Shown.ADAPTATION: ("{", "}"),
+    Shown.TREE: ("[(", ")]"),
+    Shown.LOOP: ("(((", ")))"),
 }
 _ARROWS: Mapping[EdgeKind, str] = {
     EdgeKind.REQUIRES: "-->",

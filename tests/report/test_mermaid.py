@@ -28,16 +28,21 @@ LINES = {
     "subgraph": re.compile(rf"subgraph (?P<name>{NAME})\[{LABEL}\]"),
     "end": re.compile(r"end"),
     "legend": re.compile(
-        rf'(?P<a>{NAME})\(\("A"\)\) (?P<arrow>-->|==>|-\.->|-\.-o)\|{LABEL}\| (?P<b>{NAME})\(\("B"\)\)'
+        rf'(?P<a>{NAME})\(\("A"\)\) (?P<arrow>-->|==>|-\.->|-\.-o|---)\|{LABEL}\| (?P<b>{NAME})\(\("B"\)\)'
     ),
     "node": re.compile(
-        rf"(?P<name>{NAME})(?P<shape>\(\[|\{{\{{|\(|\[){LABEL}(?P<closing>\]\)|\}}\}}|\)|\])(?::::(?P<style>{NAME}))?"
+        rf"(?P<name>{NAME})(?P<shape>\(\(\(|\(\(|\(\[|\{{\{{|\[\[|\[\(|\[/|\{{|\(|\[){LABEL}"
+        rf"(?P<closing>\)\)\)|\)\)|\]\)|\}}\}}|\]\]|\)\]|\\\]|\}}|\)|\])(?::::(?P<style>{NAME}))?"
     ),
-    "edge": re.compile(rf"(?P<source>{NAME}) (?P<arrow>-->|==>|-\.->|-\.-o) (?P<target>{NAME})"),
+    "edge": re.compile(rf"(?P<source>{NAME}) (?P<arrow>-->|==>|-\.->|-\.-o|---) (?P<target>{NAME})"),
     "classDef": re.compile(
         rf"classDef (?P<name>{NAME}) fill:#[0-9a-f]{{6}},stroke:#[0-9a-f]{{6}},color:#000000(,stroke-dasharray:4 2)?"
     ),
     "linkStyle": re.compile(r"linkStyle (?P<numbers>[0-9]+(,[0-9]+)*) stroke:(?P<colour>#[0-9a-f]{6})"),
+}
+SHAPES = {
+    *(("(", ")"), ("[", "]"), ("{{", "}}"), ("([", "])"), ("[/", "\\]"), ("((", "))"), ("[[", "]]")),
+    *(("{", "}"), ("[(", ")]"), ("(((", ")))")),
 }
 RESERVED = {"end", "graph", "flowchart", "subgraph", "style", "class", "click", "default", "call", "href"}
 
@@ -71,7 +76,7 @@ def read(text: str) -> Chart:
         elif form == "end":
             frames.pop()
         elif form == "node":
-            assert (parts["shape"], parts["closing"]) in {("(", ")"), ("[", "]"), ("{{", "}}"), ("([", "])")}
+            assert (parts["shape"], parts["closing"]) in SHAPES
             assert parts["name"] not in chart.nodes
             chart.nodes[parts["name"]], chart.inside[parts["name"]] = label, "/".join(frames)
             used.add(parts.get("style", "plain"))
