@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -105,8 +106,11 @@ class ContextManager(Generic[VariableName, SkillName]):
     def close(self) -> None:
         """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more.
 
-        A decision that waits for an observer in another thread waits no longer.
+        A decision that waits for an observer in another thread waits no longer. Once the interpreter is going down it
+        does nothing: threads that held the lock are gone, and whatever runs in processes of its own ends with them.
         """
+        if sys.is_finalizing():
+            return
         with self._clock:
             if not self.inputs.is_closed:
                 self.inputs.close()
