@@ -115,9 +115,7 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store))
 
 
-def _serving(
-    compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack
-) -> Callable[[], None]:
+def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
     """Return what serves orders for ever."""
     if compiled.loops is None:
         return OrdersByTheBook(codra.knowledge, clock).serve

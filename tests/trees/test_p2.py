@@ -100,9 +100,7 @@ class Cary:
         self.mission_agent = self.knowledge.as_agent("mission")
         self.picking_agent = self.knowledge.as_agent("picking")
         robot = cary(self.log, list(seen))
-        robot.can(
-            "PickUp", lambda: Task("fetching", self.mission_agent, self.knowledge, succeeds_with=("fetched",))
-        )
+        robot.can("PickUp", lambda: Task("fetching", self.mission_agent, self.knowledge, succeeds_with=("fetched",)))
         robot.does("TakeOrder", self._take)
         robot.does("CompleteOrder", self._complete)
         robot.does("AbortOrder", self._abort)

@@ -43,7 +43,9 @@ class Mape:
         model: what the spec says of them, with places.
     """
 
-    def __init__(self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | Mapping[str, Leaves] | None = None) -> None:
+    def __init__(
+        self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | Mapping[str, Leaves] | None = None
+    ) -> None:
         """Make the loops; nothing runs before `start`.
 
         Args:
@@ -156,7 +158,9 @@ class Loop:
         self._clock = clock
         self._pens = pens
         self.planning = Planning(model, loop, {each.name: each.type for each in codra.model.variables})
-        self.trees = {each.name: self._execution(each, leaves[each.name]) for each in model.trees if each.name in loop.execute}
+        self.trees = {
+            each.name: self._execution(each, leaves[each.name]) for each in model.trees if each.name in loop.execute
+        }
         self._lock = threading.Lock()
         self._is_on = False
         self._is_busy = False

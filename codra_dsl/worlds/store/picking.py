@@ -6,15 +6,16 @@ It and the mission know of each other by the task `fetching` only.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from math import pi
 
 from codra_dsl.runtime.knowledge import ConflictError, Knowledge, Request, Stage
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Task
 from codra_dsl.worlds.store.body import Way
-from codra_dsl.worlds.store.move_to import Goal, MoveTo
 from codra_dsl.worlds.store.geometry import Stand
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import AREAS, approach_to, robot_at
+from codra_dsl.worlds.store.move_to import Goal, MoveTo
 
 _NOTICES = {"no roll container found": "container_not_found"}
 
@@ -72,10 +73,8 @@ class Picking:
         """Answer the request; what was answered before stands."""
         request = self._request
         if request is not None:
-            try:
+            with suppress(ConflictError):  # it has ended otherwise
                 self._handle.finish(request, ports.text("result"))
-            except ConflictError:  # it has ended otherwise
-                pass
             self._end()
         return True
 
