@@ -105,12 +105,12 @@ def test_delivery_is_asked_for_and_the_robot_sets_out(browser: Browser, run: Run
     page = opened(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     navigating = page.locator("#tasks tr").filter(has_text="Navigating")
-    expect(navigating).to_contain_text("under way for picking")
+    expect(navigating).to_contain_text("under way for mission")
 
     told = run.events("--kind", "knowledge")
 
     assert "order_1 -to_area-> delivery edge_inserted" in told
-    assert re.search(r"navigating wants .*\"agent\":\"picking\"", told)
+    assert re.search(r"navigating wants .*\"agent\":\"mission\"", told)
 
 
 def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 from codra_dsl.experiments.store_run import Compiled, StoreRun, StoreRunSettings, run_store
-from codra_dsl.runtime.journal import Event
+from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.worlds.store.curves import curves, draw_adaptation
 from codra_dsl.worlds.store.situations import Situation, StoreSettings
 from generated import store
@@ -45,6 +45,11 @@ class Told:
     def written(self, name: str) -> list[object]:
         return [each.details.get("value") for each in self.events if (each.name, each.what) == (name, "written")]
 
+    def said(self, variable: str) -> list[object]:
+        """What a context-variable was, one after the other."""
+        of_it = [each for each in self.events if each.kind is Kind.VARIABLE and each.name == variable]
+        return [each.details["value"] for each in of_it if "value" in each.details]
+
     def instant_s(self, name: str, what: str, **details: object) -> float:
         """When something happened for the first time."""
         return next(
@@ -68,7 +73,7 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
     assert run.written("order_2.state") == ["open", "aborted"]
     assert run.run.score.deliveries == ("area_1", "delivery")
     ordered_s = run.instant_s("order_2", "node_inserted")
-    full_s = run.instant_s("robot.container_load", "written", value="full")
+    full_s = run.instant_s("container_load", "identified", value="full")
     fetched_s = [each.instant_s for each in run.events if each.details.get("result") == "fetched"]
     assert ordered_s < fetched_s[1] < full_s < run.instant_s("course", "chosen", action="deliver") < full_s + 5.0
 
@@ -85,7 +90,7 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted() ->
     assert max(then, key=lambda name: then[name]) == "weight_of_start"
     assert "fetching aborted" in run.tasks()
     assert run.written("order_1.state") == ["open", "aborted"]
-    assert "mission_aborted" in run.written("base.base_notice")
+    assert "mission_aborted" in run.said("base_notice")
 
 
 def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second() -> None:
@@ -103,7 +108,7 @@ def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns()
     assert [each for each in run.tasks() if each.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
     ]
-    assert run.written("base.base_notice")[-1] == "container_not_found"
+    assert run.said("base_notice")[-1] == "container_not_found"
     assert run.written("order_1.state") == ["open", "failed"]
     assert run.tasks()[-1] == "navigating arrived"
     assert run.courses()[-1] == "start"
