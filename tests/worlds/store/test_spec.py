@@ -18,6 +18,8 @@ from codra_dsl.worlds.store.knowledge import named_stands, pose_of, stand_of, st
 
 PATH = Path(__file__).parents[3] / "specs" / "store.yaml"
 MODEL = store_knowledge()
+OF_LOOPS = {"fetching"}
+"""What one tree asks of the other: the world's own agents know nothing of it."""
 
 
 @cache
@@ -34,8 +36,8 @@ def names(writers: object) -> set[str]:
 def test_the_same_nodes_edges_tasks_and_agents_are_declared() -> None:
     assert {node.name: node.type.name for node in spec().nodes} == {node.name: node.type for node in MODEL.nodes}
     assert {edge.name for edge in spec().edges} == {edge.name for edge in MODEL.edge_types}
-    assert {task.name for task in spec().tasks} == {task.name for task in MODEL.tasks}
-    assert {agent.name for agent in spec().agents} == {agent.name for agent in MODEL.agents}
+    assert {task.name for task in spec().tasks} == {task.name for task in MODEL.tasks} | OF_LOOPS
+    assert {agent.name for agent in spec().agents} == {agent.name for agent in MODEL.agents} | {"analysis"}
 
 
 def test_edges_have_the_same_ends_writers_and_motions() -> None:
@@ -68,6 +70,8 @@ def test_poses_from_the_start_are_those_of_the_world() -> None:
 def test_tasks_have_the_same_executors_requesters_results_and_deadlines() -> None:
     of_model = {task.name: task for task in MODEL.tasks}
     for task in spec().tasks:
+        if task.name in OF_LOOPS:
+            continue
         model = of_model[task.name]
         assert task.by.name == model.by
         assert {each.name for each in task.requesters} == set(model.requesters)
@@ -82,9 +86,10 @@ def test_attributes_of_certain_nodes_are_the_variables_of_the_context() -> None:
     }
     variables = {(each.node, each.name): each for each in spec().context}
 
-    assert variables.keys() == of_model.keys()
-    for key, variable in variables.items():
-        model = of_model[key]
+    assert variables.keys() > of_model.keys()
+    assert {name for _, name in variables.keys() - of_model.keys()} >= {"order_open", "picking_up", "safety", "course"}
+    for key, model in of_model.items():
+        variable = variables[key]
         assert names(variable.sources) == names(model.sources), key
         assert variable.valid_for_s == model.valid_for_s, key
         assert variable.type.kind == model.type.kind, key
