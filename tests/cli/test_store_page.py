@@ -91,7 +91,7 @@ def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None
     page.locator("#provide").get_by_label("To").select_option("Area 3")
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
-    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open")
+    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open", timeout=1000 * LONG_S)
 
     told = run.events("--kind", "knowledge")
 
