@@ -17,7 +17,7 @@ from codra_dsl.cli.console import Colour, ExitCode, common_root, say, write_resu
 from codra_dsl.cli.lab import one_plan
 
 if TYPE_CHECKING:
-    from codra_dsl.experiments.store_run import Start, StoreRun, StoreRunSettings
+    from codra_dsl.experiments.store_run import Compiled, StoreRun, StoreRunSettings
 
 LONG_S = 600.0
 """How long a run lasts of which nobody said how long."""
@@ -51,19 +51,19 @@ def run_in_store(spec: Path, options: StoreOptions, color: Colour) -> None:
     """Compile a spec, let the shop open with it, and print what came of the run."""
     try:
         settings = _settings(options)
-        from codra_dsl.experiments.loading import load_start
+        from codra_dsl.experiments.loading import load_emitted
     except ModuleNotFoundError as error:
         say(f"codra: 'run --page' needs {error.name}: pip install 'codra-dsl[store]'")
         raise typer.Exit(ExitCode.FAILED) from error
     from codra_dsl.emit import emit
-    from codra_dsl.experiments.store_run import store_text
+    from codra_dsl.experiments.store_run import Compiled, store_text
 
     root = common_root([spec])
     plan = one_plan(spec, root, color)
     name = plan.checked.spec.name
     sys.path.append(str(root))  # perception functions of the robot's own may stand beside its specs
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        run = _run(load_start(emit(plan), name, Path(made)), settings, name)
+        run = _run(Compiled.of(load_emitted(emit(plan), name, Path(made))), settings, name)
     if sys.stderr.isatty():
         print("\r", end="", file=sys.stderr)
     write_result(store_text(run))
@@ -93,12 +93,12 @@ def _opened(url: str) -> None:
     say(f"the picker's page is at {url}")
 
 
-def _run(start: Start, settings: StoreRunSettings, name: str) -> StoreRun:
+def _run(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
     from codra_dsl.experiments.store_run import run_store
     from codra_dsl.runtime import NotASourceError
 
     try:
-        return run_store(start, settings)
+        return run_store(compiled, settings)
     except (LookupError, NotASourceError) as error:
         say(f"codra: '{name}' does not run in the store: {error}")
         raise typer.Exit(ExitCode.FAILED) from error

@@ -16,6 +16,14 @@ from codra_dsl.runtime import ContextManager
 def load_start(files: Mapping[str, str], name: str, folder: Path) -> Callable[..., ContextManager[Any, Any]]:
     """Write generated files into a folder and return the `start` of the package `name` among them.
 
+    The arguments are those of `load_emitted`.
+    """
+    return cast("Callable[..., ContextManager[Any, Any]]", load_emitted(files, name, folder).start)
+
+
+def load_emitted(files: Mapping[str, str], name: str, folder: Path) -> ModuleType:
+    """Write generated files into a folder and return the package `name` among them.
+
     Args:
         files: texts by path relative to the folder, as the compiler emits them.
         name: the spec's name.
@@ -24,7 +32,7 @@ def load_start(files: Mapping[str, str], name: str, folder: Path) -> Callable[..
     for path, text in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
-    return cast("Callable[..., ContextManager[Any, Any]]", load_package(folder / name).start)
+    return load_package(folder / name)
 
 
 def load_package(place: Path) -> ModuleType:

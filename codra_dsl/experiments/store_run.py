@@ -8,17 +8,23 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from codra_dsl.experiments.limited_time import LimitedClock, TimeIsUp
 from codra_dsl.experiments.pacing import Beat, Pace
 from codra_dsl.runtime import ContextManager, Journal, Record, SimClock, WallClock
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.worlds.store.mission import Mission
 from codra_dsl.worlds.store.orders import OrdersByTheBook
+from codra_dsl.worlds.store.picking import Picking
 from codra_dsl.worlds.store.situations import StoreSettings
 from codra_dsl.worlds.store.store import Store
 from codra_dsl.worlds.store.truth import Score
 
 Start = Callable[..., ContextManager[Any, Any]]
+Loops = Callable[..., Mape]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,11 +73,28 @@ class StoreRun:
     orders: Mapping[str, int]
 
 
-def run_store(start: Start, settings: StoreRunSettings) -> StoreRun:
-    """Let the robot serve orders by the book until time is up.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled:
+    """What the compiler made of a spec that declares what the shop's agents write.
+
+    Attributes:
+        loops: None if the spec has none; then orders are served by the book.
+    """
+
+    start: Start
+    loops: Loops | None = None
+
+    @classmethod
+    def of(cls, package: ModuleType) -> Compiled:
+        """Return it from its package."""
+        return cls(start=package.start, loops=getattr(package, "loops", None))
+
+
+def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
+    """Let the robot serve orders until time is up: by the loops of its spec, or by the book.
 
     Args:
-        start: of a compiled spec that declares what the shop's agents write.
+        compiled: the spec.
         settings: how to run.
 
     Raises:
@@ -82,14 +105,23 @@ def run_store(start: Start, settings: StoreRunSettings) -> StoreRun:
     with ExitStack() as stack:
         clock = LimitedClock(SimClock(), settings.duration_s, settings.progress)
         record = Record() if settings.journal is None else Journal(settings.journal)
-        codra = stack.enter_context(start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
+        codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
-        orders = OrdersByTheBook(codra.knowledge, clock)
+        serve = _serving(compiled, codra, clock, stack)
         act = _page(store, codra, settings.page, stack)
         Beat(clock, _real(settings.pace, stack), lambda: _beat(act, settings.progress, clock))
         with suppress(TimeIsUp):
-            orders.serve()
+            serve()
         return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store))
+
+
+def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
+    """Return what serves orders for ever."""
+    if compiled.loops is None:
+        return OrdersByTheBook(codra.knowledge, clock).serve
+    robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
+    stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
+    return lambda: clock.sleep(math.inf)
 
 
 def _page(

@@ -308,6 +308,6 @@ def start(
     return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record, knowledge=KNOWLEDGE)
 
 
-def loops(codra: Store, *, clock: Clock, robot: Leaves | None = None) -> Mape:
+def loops(codra: Store, *, clock: Clock, robot: Leaves | Mapping[str, Leaves] | None = None) -> Mape:
     """Return the loops, which run within a `with` block; `robot` gives each leaf of the trees its action."""
     return Mape(codra, MAPE, clock=clock, robot=robot)

@@ -34,10 +34,14 @@ RULES = (
     "if loaded is true and container_load is full then weight_of_pick is low",
     "if mission_completion is high or safety is not high or power_autonomy is low then weight_of_pick is low",
     "if loaded is true and container_load is full and safety is not low and power_autonomy is not low then weight_of_deliver is high",
-    "if loaded is false or container_load is not full or safety is low or power_autonomy is low then weight_of_deliver is low",
+    "if loaded is true and mission_completion is high and safety is not low and power_autonomy is not low then weight_of_deliver is high",
+    "if loaded is false or safety is low or power_autonomy is low then weight_of_deliver is low",
+    "if container_load is not full and mission_completion is not high then weight_of_deliver is low",
     "if safety is medium and loaded is false then weight_of_start is high",
-    "if safety is low or mission_completion is high then weight_of_start is medium",
+    "if safety is low then weight_of_start is medium",
+    "if mission_completion is high and loaded is false then weight_of_start is medium",
     "if safety is high and mission_completion is not high then weight_of_start is low",
+    "if safety is high and loaded is true then weight_of_start is low",
     "if safety is medium and loaded is true then weight_of_start is low",
     "if power_autonomy is low then weight_of_dock is high",
     "if power_autonomy is not low then weight_of_dock is low",
@@ -72,6 +76,8 @@ WEIGHT_OF_DELIVER = outputs.Integral(
     ),
     conclusions=(
         outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
     ),
 )
@@ -89,6 +95,8 @@ WEIGHT_OF_START = outputs.Integral(
     conclusions=(
         outputs.Conclusion(term=2, implication=norms.minimum),
         outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=1, implication=norms.minimum),
+        outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
         outputs.Conclusion(term=0, implication=norms.minimum),
     ),
@@ -133,22 +141,26 @@ def infer(
     rule_3 = norms.minimum(loaded_true, container_load_full)
     rule_4 = norms.maximum(norms.maximum(mission_completion_high, hedges.not_(safety_high)), power_autonomy_low)
     rule_5 = norms.minimum(norms.minimum(norms.minimum(loaded_true, container_load_full), hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
-    rule_6 = norms.maximum(norms.maximum(norms.maximum(loaded_false, hedges.not_(container_load_full)), safety_low), power_autonomy_low)
-    rule_7 = norms.minimum(safety_medium, loaded_false)
-    rule_8 = norms.maximum(safety_low, mission_completion_high)
-    rule_9 = norms.minimum(safety_high, hedges.not_(mission_completion_high))
-    rule_10 = norms.minimum(safety_medium, loaded_true)
-    rule_11 = power_autonomy_low
-    rule_12 = hedges.not_(power_autonomy_low)
+    rule_6 = norms.minimum(norms.minimum(norms.minimum(loaded_true, mission_completion_high), hedges.not_(safety_low)), hedges.not_(power_autonomy_low))
+    rule_7 = norms.maximum(norms.maximum(loaded_false, safety_low), power_autonomy_low)
+    rule_8 = norms.minimum(hedges.not_(container_load_full), hedges.not_(mission_completion_high))
+    rule_9 = norms.minimum(safety_medium, loaded_false)
+    rule_10 = safety_low
+    rule_11 = norms.minimum(mission_completion_high, loaded_false)
+    rule_12 = norms.minimum(safety_high, hedges.not_(mission_completion_high))
+    rule_13 = norms.minimum(safety_high, loaded_true)
+    rule_14 = norms.minimum(safety_medium, loaded_true)
+    rule_15 = power_autonomy_low
+    rule_16 = hedges.not_(power_autonomy_low)
     weight_of_pick = WEIGHT_OF_PICK.value((rule_1, rule_2, rule_3, rule_4))
     weight_of_pick = outputs.clipped(weight_of_pick, 0.0, 1.0)
-    weight_of_deliver = WEIGHT_OF_DELIVER.value((rule_5, rule_6))
+    weight_of_deliver = WEIGHT_OF_DELIVER.value((rule_5, rule_6, rule_7, rule_8))
     weight_of_deliver = outputs.clipped(weight_of_deliver, 0.0, 1.0)
-    weight_of_start = WEIGHT_OF_START.value((rule_7, rule_8, rule_9, rule_10))
+    weight_of_start = WEIGHT_OF_START.value((rule_9, rule_10, rule_11, rule_12, rule_13, rule_14))
     weight_of_start = outputs.clipped(weight_of_start, 0.0, 1.0)
-    weight_of_dock = WEIGHT_OF_DOCK.value((rule_11, rule_12))
+    weight_of_dock = WEIGHT_OF_DOCK.value((rule_15, rule_16))
     weight_of_dock = outputs.clipped(weight_of_dock, 0.0, 1.0)
-    return Inference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12))
+    return Inference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))
 
 
 def infer_bounds(
@@ -174,19 +186,23 @@ def infer_bounds(
     rule_3 = bounds.norm(norms.minimum, loaded_true, container_load_full)
     rule_4 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, mission_completion_high, bounds.hedge(hedges.not_, safety_high)), power_autonomy_low)
     rule_5 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, loaded_true, container_load_full), bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
-    rule_6 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, bounds.norm(norms.maximum, loaded_false, bounds.hedge(hedges.not_, container_load_full)), safety_low), power_autonomy_low)
-    rule_7 = bounds.norm(norms.minimum, safety_medium, loaded_false)
-    rule_8 = bounds.norm(norms.maximum, safety_low, mission_completion_high)
-    rule_9 = bounds.norm(norms.minimum, safety_high, bounds.hedge(hedges.not_, mission_completion_high))
-    rule_10 = bounds.norm(norms.minimum, safety_medium, loaded_true)
-    rule_11 = power_autonomy_low
-    rule_12 = bounds.hedge(hedges.not_, power_autonomy_low)
+    rule_6 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bounds.norm(norms.minimum, loaded_true, mission_completion_high), bounds.hedge(hedges.not_, safety_low)), bounds.hedge(hedges.not_, power_autonomy_low))
+    rule_7 = bounds.norm(norms.maximum, bounds.norm(norms.maximum, loaded_false, safety_low), power_autonomy_low)
+    rule_8 = bounds.norm(norms.minimum, bounds.hedge(hedges.not_, container_load_full), bounds.hedge(hedges.not_, mission_completion_high))
+    rule_9 = bounds.norm(norms.minimum, safety_medium, loaded_false)
+    rule_10 = safety_low
+    rule_11 = bounds.norm(norms.minimum, mission_completion_high, loaded_false)
+    rule_12 = bounds.norm(norms.minimum, safety_high, bounds.hedge(hedges.not_, mission_completion_high))
+    rule_13 = bounds.norm(norms.minimum, safety_high, loaded_true)
+    rule_14 = bounds.norm(norms.minimum, safety_medium, loaded_true)
+    rule_15 = power_autonomy_low
+    rule_16 = bounds.hedge(hedges.not_, power_autonomy_low)
     weight_of_pick = bounded_outputs.integral(WEIGHT_OF_PICK, (rule_1, rule_2, rule_3, rule_4))
     weight_of_pick = bounds.clipped(weight_of_pick, 0.0, 1.0)
-    weight_of_deliver = bounded_outputs.integral(WEIGHT_OF_DELIVER, (rule_5, rule_6))
+    weight_of_deliver = bounded_outputs.integral(WEIGHT_OF_DELIVER, (rule_5, rule_6, rule_7, rule_8))
     weight_of_deliver = bounds.clipped(weight_of_deliver, 0.0, 1.0)
-    weight_of_start = bounded_outputs.integral(WEIGHT_OF_START, (rule_7, rule_8, rule_9, rule_10))
+    weight_of_start = bounded_outputs.integral(WEIGHT_OF_START, (rule_9, rule_10, rule_11, rule_12, rule_13, rule_14))
     weight_of_start = bounds.clipped(weight_of_start, 0.0, 1.0)
-    weight_of_dock = bounded_outputs.integral(WEIGHT_OF_DOCK, (rule_11, rule_12))
+    weight_of_dock = bounded_outputs.integral(WEIGHT_OF_DOCK, (rule_15, rule_16))
     weight_of_dock = bounds.clipped(weight_of_dock, 0.0, 1.0)
-    return BoundedInference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12))
+    return BoundedInference((weight_of_pick, weight_of_deliver, weight_of_start, weight_of_dock), (rule_1, rule_2, rule_3, rule_4, rule_5, rule_6, rule_7, rule_8, rule_9, rule_10, rule_11, rule_12, rule_13, rule_14, rule_15, rule_16))

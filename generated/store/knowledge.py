@@ -427,7 +427,7 @@ KNOWLEDGE = KnowledgeModel(
                     name="person_distance",
                     type=real(0, 10, unit="m"),
                     sources=by("person_detection"),
-                    valid_for_s=2.0,
+                    valid_for_s=15.0,
                     label="Nearest person",
                 ),
                 AttributeModel(

@@ -227,9 +227,19 @@ MAPE = MapeModel(
                 reads=("loaded", "container_load", "safety", "power_autonomy"),
             ),
             StageRuleModel(
-                text="if loaded is false or container_load is not full or safety is low or power_autonomy is low then weight_of_deliver is low",
+                text="if loaded is true and mission_completion is high and safety is not low and power_autonomy is not low then weight_of_deliver is high",
                 concludes=("deliver",),
-                reads=("loaded", "container_load", "safety", "power_autonomy"),
+                reads=("loaded", "mission_completion", "safety", "power_autonomy"),
+            ),
+            StageRuleModel(
+                text="if loaded is false or safety is low or power_autonomy is low then weight_of_deliver is low",
+                concludes=("deliver",),
+                reads=("loaded", "safety", "power_autonomy"),
+            ),
+            StageRuleModel(
+                text="if container_load is not full and mission_completion is not high then weight_of_deliver is low",
+                concludes=("deliver",),
+                reads=("container_load", "mission_completion"),
             ),
             StageRuleModel(
                 text="if safety is medium and loaded is false then weight_of_start is high",
@@ -237,14 +247,24 @@ MAPE = MapeModel(
                 reads=("safety", "loaded"),
             ),
             StageRuleModel(
-                text="if safety is low or mission_completion is high then weight_of_start is medium",
+                text="if safety is low then weight_of_start is medium",
                 concludes=("start",),
-                reads=("safety", "mission_completion"),
+                reads=("safety",),
+            ),
+            StageRuleModel(
+                text="if mission_completion is high and loaded is false then weight_of_start is medium",
+                concludes=("start",),
+                reads=("mission_completion", "loaded"),
             ),
             StageRuleModel(
                 text="if safety is high and mission_completion is not high then weight_of_start is low",
                 concludes=("start",),
                 reads=("safety", "mission_completion"),
+            ),
+            StageRuleModel(
+                text="if safety is high and loaded is true then weight_of_start is low",
+                concludes=("start",),
+                reads=("safety", "loaded"),
             ),
             StageRuleModel(
                 text="if safety is medium and loaded is true then weight_of_start is low",

@@ -26,7 +26,7 @@ VARIABLES: tuple[VariableModel, ...] = (
         type=real(0, 10, unit="m"),
         label="Nearest person",
         sources=("person_detection",),
-        valid_for_s=2.0,
+        valid_for_s=15.0,
     ),
     VariableModel(
         name="front_gap",

@@ -5,7 +5,18 @@ Made by codra; edits are lost.
 
 from collections.abc import Callable, Mapping
 
-from codra_dsl.runtime.trees import Conditions, Entry, Leaf, Node, Subtree, Switch, create, fallback, sequence
+from codra_dsl.runtime.trees import (
+    Conditions,
+    Entry,
+    Leaf,
+    Node,
+    Subtree,
+    Switch,
+    create,
+    fallback,
+    force_success,
+    sequence,
+)
 
 
 def global_management_tree() -> Node:
@@ -15,7 +26,7 @@ def global_management_tree() -> Node:
         Switch(Entry("course"), "deliver", "start", "dock"),
         Node(
             "DefaultDeliver",
-            Subtree(constants={"delivery_pose": "general_delivery", "start_pose": "start"}),
+            Subtree(constants={"delivery_pose": "delivery_delivery", "start_pose": "start"}),
             default_deliver_tree(),
         ),
         Node(
@@ -25,7 +36,7 @@ def global_management_tree() -> Node:
         ),
         Node(
             "Dock",
-            Subtree(constants={"charging_pose": "charging_station"}),
+            Subtree(constants={"charging_pose": "dock"}),
             dock_tree(),
         ),
         Node(
@@ -74,7 +85,11 @@ def pick_deliver_start_tree() -> Node:
                     on_failure=(create("outcome", lambda it: "aborted"),),
                 ),
             ),
-            Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+            Node(
+                "GiveUp",
+                Subtree(constants={"outcome": "failed"}),
+                give_up_tree(),
+            ),
         ),
         Node(
             "ToStart",
@@ -108,6 +123,11 @@ def to_start_tree() -> Node:
     return Node(
         "Sequence",
         sequence(),
+        Node(
+            "GiveUp",
+            Subtree(constants={"outcome": "aborted"}),
+            give_up_tree(),
+        ),
         Node("to the start", Leaf("MoveTo", inputs={"pose": Entry("start_pose")})),
     )
 
@@ -117,6 +137,11 @@ def dock_tree() -> Node:
     return Node(
         "Sequence",
         sequence(),
+        Node(
+            "GiveUp",
+            Subtree(constants={"outcome": "aborted"}),
+            give_up_tree(),
+        ),
         Node("to the charging station", Leaf("MoveTo", inputs={"pose": Entry("charging_pose")})),
         Node("Inform", Leaf("Inform", inputs={"message": "charging"})),
     )
@@ -129,6 +154,21 @@ def put_down_tree() -> Node:
         sequence(),
         Node("to the delivery pose", Leaf("MoveTo", inputs={"pose": Entry("delivery_pose")})),
         Node("LowerFork", Leaf("LowerFork")),
+        Node("CompleteOrder", Leaf("CompleteOrder", inputs={"at": Entry("delivery_pose")})),
+    )
+
+
+def give_up_tree() -> Node:
+    """Return the tree GiveUp."""
+    return Node(
+        "ForceSuccess",
+        force_success(),
+        Node(
+            "Sequence",
+            sequence(),
+            Node("AbortOrder", Leaf("AbortOrder", inputs={"outcome": Entry("outcome")})),
+            Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+        ),
     )
 
 
@@ -139,11 +179,14 @@ TREES: Mapping[str, Callable[[], Node]] = {
     "ToStart": to_start_tree,
     "Dock": dock_tree,
     "PutDown": put_down_tree,
+    "GiveUp": give_up_tree,
 }
 
 MAIN: str | None = "GlobalManagement"
 
 ACTIONS: tuple[str, ...] = (
+    "AbortOrder",
+    "CompleteOrder",
     "Inform",
     "LowerFork",
     "MoveTo",

@@ -91,7 +91,7 @@ def test_a_container_is_requested_by_a_click(browser: Browser, run: Run) -> None
     page.locator("#provide").get_by_label("To").select_option("Area 3")
     page.get_by_role("button", name="Request a container").click()
     expect(page.locator("#answer")).to_have_text("Order 1 is in the robot's knowledge.")
-    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open")
+    expect(page.locator("#orders")).to_contain_text("Order 1: provideSupplyArea 3open", timeout=1000 * LONG_S)
 
     told = run.events("--kind", "knowledge")
 
@@ -105,12 +105,12 @@ def test_delivery_is_asked_for_and_the_robot_sets_out(browser: Browser, run: Run
     page = opened(browser, run)
     page.get_by_role("button", name="Ask for delivery").click()
     navigating = page.locator("#tasks tr").filter(has_text="Navigating")
-    expect(navigating).to_contain_text("under way for picking")
+    expect(navigating).to_contain_text("under way for mission")
 
     told = run.events("--kind", "knowledge")
 
     assert "order_1 -to_area-> delivery edge_inserted" in told
-    assert re.search(r"navigating wants .*\"agent\":\"picking\"", told)
+    assert re.search(r"navigating wants .*\"agent\":\"mission\"", told)
 
 
 def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:

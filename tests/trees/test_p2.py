@@ -9,7 +9,7 @@ import pytest
 
 from codra_dsl.emit.behaviour_trees import tree_module
 from codra_dsl.runtime import SimClock
-from codra_dsl.runtime.knowledge import Knowledge, Stage
+from codra_dsl.runtime.knowledge import Knowledge, Request, Stage
 from codra_dsl.runtime.knowledge.declarations import KnowledgeModel, NodeModel, NodeTypeModel, TaskModel
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot, Scope, Task, Tree
 from codra_dsl.trees import check, read, write
@@ -22,11 +22,11 @@ SHOP = KnowledgeModel(
     nodes=(NodeModel(name="robot", type="robot"),),
     tasks=(
         TaskModel(
-            name="picking_up",
+            name="fetching",
             origin="robot",
             by="picking",
             requesters=("mission",),
-            results=("picked_up", "not_found"),
+            results=("fetched", "not_found", "failed"),
             acknowledge_s=2.0,
             finish_s=600.0,
         ),
@@ -100,32 +100,53 @@ class Cary:
         self.mission_agent = self.knowledge.as_agent("mission")
         self.picking_agent = self.knowledge.as_agent("picking")
         robot = cary(self.log, list(seen))
-        robot.can(
-            "PickUp", lambda: Task("picking_up", self.mission_agent, self.knowledge, succeeds_with=("picked_up",))
-        )
-        self.mission_scope, self.picking_scope = Scope(), Scope()
-        for name in ("observation_pose", "delivery_pose"):
-            self.mission_scope.create(name, name)
-        self.picking_scope.create("second_observation_pose", "second pose")
+        robot.can("PickUp", lambda: Task("fetching", self.mission_agent, self.knowledge, succeeds_with=("fetched",)))
+        robot.does("TakeOrder", self._take)
+        robot.does("CompleteOrder", self._complete)
+        robot.does("AbortOrder", self._abort)
+        robot.does("IsRequested", self._is_requested)
+        robot.does("Report", self._report)
+        self.mission_scope = Scope()
         self.mission = tree("mission", robot, self.mission_scope, clock)
-        self.picking = tree("pick_up", robot, self.picking_scope, clock)
-        self._working = False
+        self.picking = tree("pick_up", robot, Scope(), clock)
+        self._request: Request | None = None
+        self._has_order = False
+
+    def _complete(self, _: Ports) -> bool:
+        self._has_order = False
+        return True
+
+    def _abort(self, ports: Ports) -> bool:
+        if self._has_order:
+            self._has_order = False
+            return self.log.append(f"order {ports.text('outcome')}") is None
+        return False
+
+    def _take(self, ports: Ports) -> bool:
+        self._has_order = True
+        for name in ("observation_pose", "delivery_pose"):
+            ports.set(name, name)
+        return True
+
+    def _is_requested(self, ports: Ports) -> bool:
+        handover = self.knowledge.snapshot().handover("fetching")
+        if handover.stage is Stage.WANTS:
+            self.picking_agent.acknowledge(handover.request)
+            self._request = handover.request
+        ports.set("second_observation_pose", "second pose")
+        return handover.is_open
+
+    def _report(self, ports: Ports) -> bool:
+        request, self._request = self._request, None
+        if request is not None:
+            self.picking_agent.finish(request, ports.text("result"))
+        return True
 
     def step(self) -> Result:
         """One period of both executors."""
         self.clock.sleep(0.5)
         result = self.mission.tick()
-        handover = self.knowledge.snapshot().handover("picking_up")
-        if handover.stage is Stage.WANTS:
-            self.picking_agent.acknowledge(handover.request)
-            self._working = True
-        elif self._working and handover.stage is Stage.ABORTED:
-            self.picking.halt()
-            self._working = False
-        if self._working and (picked := self.picking.tick()) is not Result.RUNNING:
-            result_ = "picked_up" if picked is Result.SUCCESS else "not_found"
-            self.picking_agent.finish(handover.request, result_)
-            self._working = False
+        self.picking.tick()
         return result
 
     def run(self, until: Callable[[], bool] = lambda: False) -> Result:
@@ -165,7 +186,7 @@ def test_a_container_that_is_not_found_at_all_is_told_and_the_robot_returns() ->
     assert robot.run() is Result.SUCCESS
     assert robot.log[2:] == [
         *("look", "drive to second pose", "reached second pose", "look", "no roll container found"),
-        *("mission aborted", "drive to start", "reached start"),
+        *("order failed", "mission aborted", "drive to start", "reached start"),
     ]
     assert robot.mission_scope.get("outcome") == "aborted"
 
@@ -180,12 +201,12 @@ def test_a_full_container_goes_to_the_general_delivery_pose_instead() -> None:
     assert robot.run() is Result.SUCCESS
     after = robot.log.index("drive to delivery_pose") + 1
     assert robot.log[after:] == [
-        *("stopped on the way to delivery_pose", "drive to general_delivery", "reached general_delivery"),
+        *("stopped on the way to delivery_pose", "drive to delivery_delivery", "reached delivery_delivery"),
         *("lower the fork", "roll container delivered", "drive to start", "reached start"),
     ]
 
 
-@pytest.mark.parametrize(("course", "pose"), [("start", "start"), ("dock", "charging_station")])
+@pytest.mark.parametrize(("course", "pose"), [("start", "start"), ("dock", "dock")])
 def test_another_course_aborts_the_pick_up_through_the_graph(course: str, pose: str) -> None:
     """Situation (b), as Figure 3 shows it: the executor of the pick-up sees its task aborted, and stops its tree."""
     robot = Cary(True)
@@ -194,10 +215,13 @@ def test_another_course_aborts_the_pick_up_through_the_graph(course: str, pose: 
     robot.mission_scope.create("course", course)
 
     assert robot.run() is Result.SUCCESS
-    handover = robot.knowledge.snapshot().handover("picking_up")
+    handover = robot.knowledge.snapshot().handover("fetching")
     assert (handover.stage, handover.reason) == (Stage.ABORTED, "requester")
     after = robot.log.index("drive to container") + 1
-    assert robot.log[after : after + 3] == [f"drive to {pose}", "stopped on the way to container", f"reached {pose}"]
+    assert robot.log[after : after + 5] == [
+        *("order aborted", "mission aborted"),
+        *(f"drive to {pose}", "stopped on the way to container", f"reached {pose}"),
+    ]
     assert not robot.picking.root.is_running
 
 

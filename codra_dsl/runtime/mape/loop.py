@@ -43,14 +43,17 @@ class Mape:
         model: what the spec says of them, with places.
     """
 
-    def __init__(self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | None = None) -> None:
+    def __init__(
+        self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | Mapping[str, Leaves] | None = None
+    ) -> None:
         """Make the loops; nothing runs before `start`.
 
         Args:
             codra: the context that they read and write.
             model: what the spec says of them.
             clock: the one of `codra`.
-            robot: gives each leaf of the trees its action; may be left out where there are no trees.
+            robot: gives each leaf of the trees its action, or by the name of each tree what does, where leaves of one
+                name are different actions in different trees; may be left out where there are no trees.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -60,7 +63,7 @@ class Mape:
         """
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._pens = _Pens(codra, model)
-        leaves = Robot() if robot is None else robot
+        leaves = _by_tree(model, Robot() if robot is None else robot)
         self._loops = {each.name: Loop(codra, model, each, clock, leaves, self._pens) for each in model.loops}
 
     def __enter__(self) -> Self:
@@ -147,7 +150,7 @@ class Loop:
     """
 
     def __init__(  # noqa: PLR0917 - what Mape was given
-        self, codra: Manager, model: MapeModel, loop: LoopModel, clock: Clock, leaves: Leaves, pens: _Pens
+        self, codra: Manager, model: MapeModel, loop: LoopModel, clock: Clock, leaves: Mapping[str, Leaves], pens: _Pens
     ) -> None:
         """Make a loop that does not run yet; it raises what `Mape` does."""
         self._codra = codra
@@ -157,7 +160,9 @@ class Loop:
         self._pens = pens
         _check_names(model, loop)
         self.planning = Planning(model, loop, {each.name: each.type for each in codra.model.variables})
-        self.trees = {each.name: self._execution(each, leaves) for each in model.trees if each.name in loop.execute}
+        self.trees = {
+            each.name: self._execution(each, leaves[each.name]) for each in model.trees if each.name in loop.execute
+        }
         self._lock = threading.Lock()
         self._is_on = False
         self._is_busy = False
@@ -351,6 +356,13 @@ class Loop:
         if course is not None:  # so that what becomes of its branch is found by the variable as well
             about["variable"] = course.variable or None
         self._codra.inputs.adapt(self._model.adapter, name, what, plain(about))
+
+
+def _by_tree(model: MapeModel, robot: Leaves | Mapping[str, Leaves]) -> Mapping[str, Leaves]:
+    """Return what gives each tree its actions; a tree that is not named has none."""
+    if isinstance(robot, Mapping):
+        return {each.name: robot.get(each.name, Robot()) for each in model.trees}
+    return {each.name: robot for each in model.trees}
 
 
 def _ignore(_: object) -> None:

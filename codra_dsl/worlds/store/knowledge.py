@@ -139,7 +139,7 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
 
 def _robot_attributes() -> tuple[AttributeModel, ...]:
     return (
-        _attribute("person_distance", _metres(), "person_detection", valid_for_s=2.0),
+        _attribute("person_distance", _metres(), "person_detection", valid_for_s=15.0),
         _attribute("front_gap", _metres(), "lasers", valid_for_s=2.0),
         _attribute("back_gap", _metres(), "lasers", valid_for_s=2.0),
         _attribute("bumped", boolean(), "navigation", valid_for_s=5.0),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
+from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Change, Knowledge, Stage
 from codra_dsl.runtime.knowledge.declarations import path
@@ -21,6 +22,7 @@ class PickerPage:
 
     def __init__(self, knowledge: Knowledge) -> None:
         """Take no order yet."""
+        self._knowledge = knowledge
         self._handle = knowledge.as_agent("picker_page")
         self._count = 0
 
@@ -32,7 +34,13 @@ class PickerPage:
             change.insert_node(name, "order", kind=kind)
             change.insert_edge(name, "of_area", area)
             change.insert_edge(name, "to_area", to)
+        if kind is OrderKind.PROVIDE:  # what is provided is empty, whatever was on the fork before
+            self._knowledge.follow(name, "state", self._taken_up)
         return name
+
+    def _taken_up(self, state: Reading[str]) -> None:
+        if state.known and state.value == "open":
+            self.tell_load(Load.EMPTY)
 
     def tell_load(self, load: Load) -> None:
         """Write what is in the container that the robot serves."""

@@ -1,0 +1,59 @@
+"""Metrics and weights over time, from the events of a run (P2, Figures 11 and 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from codra_dsl.runtime.journal import Event, Kind
+
+Curve = list[tuple[float, float]]
+
+_CHOSEN = "chosen"
+
+
+def draw_adaptation(path: Path, events: Iterable[Event], metrics: Iterable[str], weights: Iterable[str]) -> None:
+    """Draw metrics, weights, and the instants at which a course was chosen.
+
+    Args:
+        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+        events: of a run, in order.
+        metrics: the context-variables that the upper half shows.
+        weights: those that the lower half shows.
+    """
+    told = list(events)
+    chosen = [(each.instant_s, str(each.details["action"])) for each in told if each.what == _CHOSEN]
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    _draw(upper, curves(told, metrics), "metrics")
+    _draw(lower, curves(told, weights), "weights of actions")
+    for axes in (upper, lower):
+        for instant_s, _ in chosen:
+            axes.axvline(instant_s, color="#5a6b75", linewidth=0.8, linestyle=":")
+    for instant_s, action in chosen:
+        upper.annotate(action, (instant_s, 1.06), fontsize=8, rotation=40, annotation_clip=False)
+    lower.set_xlabel("time in s")
+    figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
+def curves(events: Iterable[Event], names: Iterable[str]) -> Mapping[str, Curve]:
+    """Return what variables were, as pairs of instant and value; while a variable is unknown its value is nan."""
+    found: dict[str, Curve] = {name: [] for name in names}
+    for each in events:
+        if each.kind is Kind.VARIABLE and each.name in found:
+            value = each.details.get("value")
+            number = float(value) if isinstance(value, (int, float)) else float("nan")
+            found[each.name].append((each.instant_s, number))
+    return found
+
+
+def _draw(axes: Axes, shown: Mapping[str, Curve], title: str) -> None:
+    for name, curve in shown.items():
+        if curve:
+            axes.step(*zip(*curve, strict=True), where="post", label=name.removeprefix("weight_of_"))
+    axes.set_ylim(0.0, 1.0)
+    axes.set_ylabel(title)
+    axes.legend(loc="center right", fontsize=8)
