@@ -96,10 +96,11 @@ def _opened(url: str) -> None:
 def _run(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
     from codra_dsl.experiments.store_run import run_store
     from codra_dsl.runtime import NotASourceError
+    from codra_dsl.runtime.trees import TreeError
 
     try:
         return run_store(compiled, settings)
-    except (LookupError, NotASourceError) as error:
+    except (LookupError, NotASourceError, TreeError) as error:
         say(f"codra: '{name}' does not run in the store: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
     except OSError as error:

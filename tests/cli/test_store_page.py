@@ -233,3 +233,14 @@ def test_a_spec_for_something_else_is_told_what_the_store_needs(tmp_path: Path) 
 
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.startswith("codra: 'kitchen' does not run in the store: ")
+
+
+def test_a_tree_with_an_action_that_the_truck_lacks_is_told(tmp_path: Path) -> None:
+    (tmp_path / "trees").mkdir()
+    for file in ("store.yaml", "trees/mission.xml", "trees/pick_up.xml"):
+        text = (ROOT / "specs" / file).read_text("utf-8")
+        (tmp_path / file).write_text(text.replace("LowerFork", "DropLoad"), "utf-8")
+    done = codra("run", "store.yaml", "--world", "store", cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("codra: 'store' does not run in the store: the robot has no action 'DropLoad'")
