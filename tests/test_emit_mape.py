@@ -166,9 +166,9 @@ class Busy(Action):
 def running() -> Iterator[tuple[Store, SimClock, Mape]]:
     clock = SimClock()
     robot = Robot()
-    for leaf in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested", "Report", "DetectContainer"):
+    for leaf in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "CompleteOrder", "AbortOrder", "Inform", "IsRequested"):
         robot.can(leaf, Busy)
-    for leaf in ("Rotate", "CheckWheels", "RaiseFork"):
+    for leaf in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
         robot.can(leaf, Busy)
     with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=robot) as loops:
         yield codra, clock, loops

@@ -78,6 +78,12 @@ def browser() -> Iterator[Browser]:
         launched.close()
 
 
+def copied(folder: Path) -> Path:
+    """Return a copy of the store's spec in a folder, with its trees beside it."""
+    shutil.copytree(ROOT / "specs/trees", folder / "trees")
+    return Path(shutil.copy(ROOT / "specs/store.yaml", folder))
+
+
 def opened(browser: Browser, run: Run, **settings: Any) -> Page:
     """Return the page, once it shows what the robot knows."""
     page = browser.new_page(**settings)
@@ -128,22 +134,25 @@ def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Bro
     )
 
 
-def test_what_is_missing_in_a_run_is_said_in_words(browser: Browser, run: Run) -> None:
-    page = opened(browser, run)
+def test_what_is_missing_in_a_run_is_said_in_words(browser: Browser, tmp_path: Path) -> None:
+    spec = copied(tmp_path)
+    spec.write_text(spec.read_text("utf-8").partition("\nmetrics:\n")[0], "utf-8")
+    run = Run(tmp_path, "--pace", "real", spec=spec.name)
+    try:
+        page = opened(browser, run)
 
-    expect(page.locator("#no-metrics")).to_have_text("No agent of this run works out metrics.")
-    expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
-    expect(page.locator("#no-orders")).to_be_visible()
-    expect(page.locator("#map-text")).to_contain_text("Robot (blue) at 8.2 m east, 2.0 m north")
+        expect(page.locator("#no-metrics")).to_have_text("No agent of this run works out metrics.")
+        expect(page.locator("#parameters")).to_have_text("Maximum speedunknown (never observed)")
+        expect(page.locator("#no-orders")).to_be_visible()
+        expect(page.locator("#map-text")).to_contain_text("Robot (blue) at 8.2 m east, 2.0 m north")
+    finally:
+        run.kill()
 
 
 def test_a_person_reads_who_may_do_what_the_page_may_not(browser: Browser, tmp_path: Path) -> None:
-    text = (ROOT / "specs/store.yaml").read_text()
-    (tmp_path / "store.yaml").write_text(
-        text.replace(
-            "values: [empty, loading, full], source: picker_page", "values: [empty, loading, full], source: fork"
-        )
-    )
+    spec = copied(tmp_path)
+    mine, theirs = (f"values: [empty, loading, full], source: {agent}" for agent in ("picker_page", "fork"))
+    spec.write_text(spec.read_text("utf-8").replace(mine, theirs), "utf-8")
     run = Run(tmp_path, "--pace", "real", spec="store.yaml")
     why = "'robot.container_load' is for fork to write, not for 'picker_page'"
     try:
@@ -206,10 +215,11 @@ def test_a_port_that_is_taken_is_told(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_run_in_the_store_prints_what_came_of_it(tmp_path: Path) -> None:
-    done = codra("run", STORE, "--world", "store", "--for", "3 min", cwd=tmp_path)
+    situation = ("--situation", "hidden", "--seed", "3", "--for", "170 s")
+    done = codra("run", STORE, "--world", "store", *situation, cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("180.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
+    assert done.stdout.startswith("170.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -236,10 +246,8 @@ def test_a_spec_for_something_else_is_told_what_the_store_needs(tmp_path: Path) 
 
 
 def test_a_tree_with_an_action_that_the_truck_lacks_is_told(tmp_path: Path) -> None:
-    (tmp_path / "trees").mkdir()
-    for file in ("store.yaml", "trees/mission.xml", "trees/pick_up.xml"):
-        text = (ROOT / "specs" / file).read_text("utf-8")
-        (tmp_path / file).write_text(text.replace("LowerFork", "DropLoad"), "utf-8")
+    for file in (copied(tmp_path), tmp_path / "trees/mission.xml"):
+        file.write_text(file.read_text("utf-8").replace("LowerFork", "DropLoad"), "utf-8")
     done = codra("run", "store.yaml", "--world", "store", cwd=tmp_path)
 
     assert (done.returncode, done.stdout) == (1, "")
