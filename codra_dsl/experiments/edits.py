@@ -35,6 +35,11 @@ class Naive:
 
     pause_s: float = 0.0
 
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
+        return f"no conditions{pause}"
+
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without conditions."""
         algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
@@ -66,6 +71,10 @@ class Refreshed:
 
     refresh: Refresh
 
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"refresh: {self.refresh.value}"
+
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with that `refresh` for all of them."""
         return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
@@ -75,6 +84,10 @@ class Refreshed:
 class WithoutValidity:
     """Let every value stand for ever, as P1's flag `known` does (section 3.3)."""
 
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return "no valid_for"
+
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without any `valid_for`."""
         return replace(spec, context=tuple(replace(each, valid_for_s=FOREVER_S) for each in spec.context))
@@ -83,6 +96,10 @@ class WithoutValidity:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithoutChanges:
     """Let no skill say what it changes: what an action makes out of date stays known."""
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return "no changes"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without any `changes`."""
@@ -102,6 +119,10 @@ class Confirmed:
     needed: int
     of: int
     variables: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{each}' for each in self.variables)}"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with that `confirm`."""
@@ -135,6 +156,10 @@ class Without:
 
     algorithm: str
     condition: str
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"*{self.algorithm} without *{self.condition}"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec without that condition.

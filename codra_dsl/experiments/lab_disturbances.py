@@ -92,7 +92,8 @@ EPISODES = (
 _NOTE = (
     "The robot opens the PCR-cycler, draws its arm back, and waits beside it, where its camera sees the whole machine. "
     "Then this happens, to all arms alike, and at the end the robot closes what is open. It looks at each of its own "
-    "decisions by itself. Nobody tells any arm that something happened."
+    "decisions by itself. Nobody tells any arm that something happened. Disturbances follow one another: an arm that "
+    "never noticed the lid being closed is right again by itself once somebody opens it."
 )
 
 

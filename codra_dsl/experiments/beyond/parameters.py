@@ -29,6 +29,10 @@ class ScaledNumber:
     variables: str
     factor: float
 
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"'{self.condition}' with {self.factor:g} times its numbers"
+
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with other numbers there."""
         return replace(spec, perception=tuple(map(self._scaled, spec.perception)))
@@ -62,6 +66,10 @@ class ScaledValidity:
 
     factor: float
 
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"{self.factor:g} times each valid_for"
+
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with other `valid_for`."""
         return replace(
@@ -74,6 +82,10 @@ class ScaledPeriod:
     """Let all observers that the spec names look again after so many times as long."""
 
     factor: float
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"{self.factor:g} times each period"
 
     def __call__(self, spec: Spec) -> Spec:
         """Return the spec with other periods."""

@@ -29,7 +29,7 @@ _MARKED = f"Ratios below {paper.LOW_RATIO} are marked."
 
 def arms_table(arms: Sequence[Arm]) -> Table:
     """Return what the arms are."""
-    rows = ((arm.name, arm.need.value, ", ".join(map(repr, arm.edits)) or "as it stands") for arm in arms)
+    rows = ((arm.name, arm.need.value, ", ".join(map(str, arm.edits)) or "as it stands") for arm in arms)
     return plain_table("The arms. Each has a vision slot of its own.", ("arm", "observes", "the spec"), rows)
 
 
