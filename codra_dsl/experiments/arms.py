@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -34,6 +34,10 @@ class Arm:
     name: str
     need: Need
     edits: tuple[Edit, ...] = ()
+
+    def edited(self, name: str, edit: Edit) -> Arm:
+        """Return an arm that differs from this one in one edit more and in nothing else."""
+        return replace(self, name=name, edits=(*self.edits, edit))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

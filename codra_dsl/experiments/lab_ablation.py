@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS, Arm, Need
+from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS, Arm
 from codra_dsl.experiments.beyond.standing import (
     IN_VIEW,
     LIDS_AND_LATCHES,
@@ -63,7 +63,7 @@ def _without_machine(text: str) -> str:
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the spec with all conditions, without each of them, and without any."""
     removed = (
-        Arm(name=f"*{edit.algorithm} without *{edit.condition}", need=Need.EVERYTHING, edits=(edit,))
+        PRECONDITIONS.edited(f"*{edit.algorithm} without *{edit.condition}", edit)
         for edit in conditions(loaded(settings.spec))
     )
     return (PRECONDITIONS, *removed, NAIVE)

@@ -53,9 +53,7 @@ _NOTE = (
 def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return the spec as it stands, and with each option changed that changes it; and naive observers to compare."""
     spec = loaded(settings.spec)
-    changed = [
-        Arm(name=name, need=Need.ANNOUNCED, edits=(edit,)) for name, edit in OPTIONS.items() if edit(spec) != spec
-    ]
+    changed = [AS_IT_STANDS.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
     return (AS_IT_STANDS, *changed, NAIVE)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi
 
-from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS, Arm, Need
+from codra_dsl.experiments.arms import NAIVE, PRECONDITIONS, Arm
 from codra_dsl.experiments.beyond.curves import Curve, Panel, at, differences, panels
 from codra_dsl.experiments.beyond.parameters import Parameter, parameters
 from codra_dsl.experiments.beyond.standing import (
@@ -94,7 +94,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
     """Return naive observers, the spec as it stands, and with each of its numbers smaller and larger."""
     spec = loaded(settings.spec)
     changed = [
-        Arm(name=f"{parameter.name} {times}", need=Need.EVERYTHING, edits=(edit,))
+        PRECONDITIONS.edited(f"{parameter.name} {times}", edit)
         for parameter in parameters(spec, besides=_ROTOR)
         for times, edit in _changes(parameter)
         if edit(spec) != spec

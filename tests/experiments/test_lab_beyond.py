@@ -114,7 +114,7 @@ def test_an_option_that_the_spec_has_already_that_way_is_no_arm(tmp_path: Path) 
 
 def test_each_condition_of_the_spec_is_taken_away_once(tmp_path: Path) -> None:
     spec = loaded(SPEC)
-    taken = [edit for arm in lab_ablation.arms(settings(tmp_path))[1:-1] for edit in arm.edits]
+    taken = [arm.edits[-1] for arm in lab_ablation.arms(settings(tmp_path))[1:-1]]
     lost = 0
     for edit in taken:
         assert isinstance(edit, Without)
@@ -125,6 +125,16 @@ def test_each_condition_of_the_spec_is_taken_away_once(tmp_path: Path) -> None:
 
     assert lost == sum(len(each.observable_when) + len(each.accept_when) for each in spec.perception)
     assert len(set(taken)) == len(taken) > 5
+
+
+def test_an_arm_differs_in_one_edit_from_the_arm_that_it_is_compared_with(tmp_path: Path) -> None:
+    without_one = lab_ablation.arms(settings(tmp_path))[1:-1]
+    with_another_number = lab_sensitivity.arms(settings(tmp_path))[2:]
+
+    for arm in (*without_one, *with_another_number):
+        assert arm == PRECONDITIONS.edited(arm.name, arm.edits[-1])
+    for arm in lab_options.arms(settings(tmp_path))[1:-1]:
+        assert arm == lab_options.AS_IT_STANDS.edited(arm.name, arm.edits[-1])
 
 
 def test_an_arm_stands_where_a_recount_puts_it(ablation: Judged) -> None:
@@ -288,7 +298,7 @@ def test_each_number_of_the_spec_is_made_smaller_and_larger_and_still_compiles(t
 
     assert len(changed) > 10
     for arm in changed:
-        (edit,) = arm.edits
+        edit = arm.edits[-1]
         checked, _ = check(edit(spec))
         assert checked is not None
         assert edit(spec) != spec
