@@ -24,8 +24,12 @@ from codra_dsl.experiments.robustness.cells import interval
 from codra_dsl.experiments.robustness.findings import vision_algorithms
 from codra_dsl.experiments.robustness.tables import arms_table
 from codra_dsl.experiments.spec_run import loaded
+from codra_dsl.experiments.statistics import Estimate
 from codra_dsl.experiments.trials import Trial
 from codra_dsl.model import Algorithm, Spec
+
+_LEAST = 0.001
+"""The least difference of ratios that a summary tells; tables tell all."""
 
 _MACHINES = ("centrifuge", "pcr_cycler")
 
@@ -106,12 +110,20 @@ def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
 def _summary(what: str, found: Sequence[Standing]) -> Iterator[str]:
     """Say which conditions are worth something for sure, which cost something, and of which nothing can be said."""
     ablated = [one for one in found if one.arm not in (PRECONDITIONS.name, NAIVE.name)]
-    missed = [one for one in ablated if one.paper_difference is not None and one.paper_difference.is_negative]
-    better = [one for one in ablated if one.paper_difference is not None and one.paper_difference.is_positive]
+    told = [one for one in ablated if one.paper_difference is not None and _matters(one.paper_difference)]
+    missed = [one for one in told if one.paper_difference and one.paper_difference.is_negative]
+    better = [one for one in told if one.paper_difference and one.paper_difference.is_positive]
     yield f"{what}: the ratio falls, the whole interval below zero, in {_told(missed)}."
     yield f"{what}: the ratio rises, the whole interval above zero, in {_told(better)}."
     unsure = len(ablated) - len(missed) - len(better)
-    yield f"{what}: for {unsure} of {len(ablated)} conditions the interval holds zero, or there is none."
+    yield (
+        f"{what}: for {unsure} of {len(ablated)} conditions the interval holds zero, there is none, "
+        f"or the difference is below {_LEAST}."
+    )
+
+
+def _matters(difference: Estimate) -> bool:
+    return difference.value is not None and abs(difference.value) >= _LEAST
 
 
 def _told(found: Sequence[Standing]) -> str:
