@@ -90,9 +90,9 @@ def _with_members_as_meant(
 
 
 def _elements(found: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
-    """Return the elements that errors are about: the first two steps of their paths."""
+    """Return the elements that errors are about: the first two steps of their paths; a file of trees is none."""
     paths = (each.path.removeprefix("knowledge.") for each in found if each.severity is Severity.ERROR)
-    errors = (path.split(".") for path in paths)
+    errors = (path.split(".") for path in paths if "." in path)
     return frozenset((section, name) for section, name, *_ in errors)
 
 

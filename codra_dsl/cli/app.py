@@ -27,6 +27,7 @@ from codra_dsl.cli.lint import lint_command
 from codra_dsl.cli.replay import replay_command
 from codra_dsl.cli.run import run_command
 from codra_dsl.cli.shadow import shadow_command
+from codra_dsl.cli.sweep import sweep_command
 from codra_dsl.cli.why import why_command
 
 app = typer.Typer(
@@ -44,6 +45,7 @@ app.command("explain")(explain_command)
 app.command("graph")(graph_command)
 app.command("run")(run_command)
 app.command("experiment")(experiment_command)
+app.command("sweep")(sweep_command)
 app.command("diff")(diff_command)
 app.command("init")(init_command)
 app.command("shadow")(shadow_command)

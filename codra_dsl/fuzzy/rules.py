@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from codra_dsl.diagnostics import Rule, Severity
+from codra_dsl.diagnostics import Severity, rules
 
 _ERROR = Severity.ERROR
 
-_ROWS = (
+RULES = rules(
     ("CDR2201", "fll-unreadable", _ERROR),
     ("CDR2202", "fll-too-large", _ERROR),
     ("CDR2203", "fll-no-definition", _ERROR),
@@ -21,6 +21,4 @@ _ROWS = (
     ("CDR2212", "fll-missing", _ERROR),
     ("CDR2213", "fll-unfit-term", _ERROR),
 )
-
-RULES = {name: Rule(code=code, name=name, severity=severity) for code, name, severity in _ROWS}
 """Every kind of finding about FLL, by name."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from codra_dsl.diagnostics import Diagnostic, Place, Related, Rule, Severity, suggest
+from codra_dsl.diagnostics import Diagnostic, Place, Related, Severity, rules, suggest
 
 _ERROR, _WARNING = Severity.ERROR, Severity.WARNING
 
-_ROWS = (
+RULES = rules(
     # Limits
     ("CDR0301", "tree-file-too-large", _ERROR),
     ("CDR0302", "tree-too-deep", _ERROR),
@@ -41,8 +41,6 @@ _ROWS = (
     # Graph
     ("CDR5301", "subtree-recursion", _ERROR),
 )
-
-RULES = {name: Rule(code=code, name=name, severity=severity) for code, name, severity in _ROWS}
 
 MAX_SUGGESTIONS = 200
 """Looking for similar names costs time, which a hostile file must not multiply."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from codra_dsl import check, load, output
+from codra_dsl import check, fuzzy, load, output, trees
 from codra_dsl.diagnostics import Rule, Severity, rules, suggest
 
 RULES = rules(
@@ -28,8 +28,8 @@ OWN_PREFIX = "CDR79"
 
 @cache
 def known_rules() -> Mapping[str, Rule]:
-    """Return every rule that can make a finding about specs, by code."""
-    tables = (load.RULES, check.RULES, output.RULES, RULES)
+    """Return every rule that can make a finding about specs, trees and fuzzy engines, by code."""
+    tables = (load.RULES, fuzzy.RULES, trees.RULES, check.RULES, output.RULES, RULES)
     return {rule.code: rule for table in tables for rule in table.values()}
 
 

@@ -18,6 +18,7 @@ import pytest
 from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
+from codra_dsl.fuzzy import read_fll
 from codra_dsl.report.explain import (
     FAMILIES,
     FOLDER,
@@ -50,6 +51,9 @@ FIXES = {
 }
 """What a page may say about fixes, by the fix that its own example has."""
 LONGEST_SUMMARY = 120
+CODE = r"CDR\d{4}"
+PLACEHOLDER = "CDR0000"
+"""What the settings measure codes by; nothing has it."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,8 @@ def follow(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[Fou
             path = folder / (block["file"] or FILES[block["kind"]])
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(block["body"], "utf-8")
+    for engine in folder.glob("*.fll"):
+        return [Found(each.code, None) for each in read_fll(engine.read_bytes(), engine.name).findings]
     found = codra(*(commands[-1] if commands else ("lint", "spec.yaml")), "--format", "json")
     objects = [json.loads(line) for line in found.splitlines()]
     return [Found(each["code"], each["fix"] and each["fix"]["applicability"]) for each in objects]
@@ -114,6 +120,20 @@ def declared_rules() -> Iterator[tuple[str, str]]:
                 if isinstance(row, ast.Tuple):
                     code, name = (ast.literal_eval(cell) for cell in row.elts[:2])
                     yield code, name
+
+
+def codes_in_the_source() -> Iterator[str]:
+    """Yield each text of the package that is a code, whatever it is there for."""
+    for path in sorted((ROOT / "codra_dsl").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and re.fullmatch(CODE, node.value):
+                yield node.value
+
+
+def test_every_code_that_any_module_can_give_is_known_and_has_a_page() -> None:
+    written = set(codes_in_the_source()) - {PLACEHOLDER}
+
+    assert written == set(all_rules()) == set(CODES)
 
 
 def test_all_rules_of_all_rooms_are_known() -> None:

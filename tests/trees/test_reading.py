@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codra_dsl.compiler import plan_paths
 from codra_dsl.trees import RULES, check, read, read_text
 from codra_dsl.trees.catalogue import BUILT_IN, REFUSED
 from codra_dsl.trees.elements import MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS
@@ -296,6 +297,48 @@ def test_what_cannot_be_included_is_told_at_its_place(tmp_path: Path, include: s
     _, found = read(project / "main.xml", project)
     assert [(each.rule.name, each.message) for each in found] == [("tree-include", message)]
     assert found[0].place.span.line == 1
+
+
+# Settings
+
+SPEC = """\
+codra: 1
+name: truck
+trees:
+  mission: {file: main.xml, leaves: {}}
+loops:
+  driving: {execute: [mission]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ("", [("CDR3309", "warning")]),
+        ('ignore = ["CDR3309"]', []),
+        ('select = ["CDR5"]', []),
+        ('severity = {CDR33 = "error"}', [("CDR3309", "error")]),
+    ],
+)
+def test_settings_choose_among_findings_of_trees_and_say_how_bad_they_are(
+    tmp_path: Path, settings: str, told: list[tuple[str, str]]
+) -> None:
+    (tmp_path / "pyproject.toml").write_text(f"[tool.codra.lint]\n{settings}\n")
+    (tmp_path / "main.xml").write_text(document('<AlwaysSuccess _mark="1"/>'))
+    (tmp_path / "spec.yaml").write_text(SPEC)
+
+    found = plan_paths([tmp_path / "spec.yaml"], tmp_path).diagnostics
+
+    assert [(each.code, each.severity) for each in found] == told
+
+
+def test_a_file_of_trees_that_is_no_xml_is_a_finding_of_the_spec_that_names_it(tmp_path: Path) -> None:
+    (tmp_path / "main.xml").write_text("<root")
+    (tmp_path / "spec.yaml").write_text(SPEC)
+
+    (found,) = plan_paths([tmp_path / "spec.yaml"], tmp_path).diagnostics
+
+    assert (found.code, found.place.span.file, found.place.span.line) == ("CDR1301", "main.xml", 1)
 
 
 def test_each_rule_has_a_code_of_its_own() -> None:

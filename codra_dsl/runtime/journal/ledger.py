@@ -63,7 +63,7 @@ class Ledger:
         expected: by variable, what last came of what a skill expects of it.
         knowledge: by node, attribute, edge or task, the last of each that became of it.
         adaptations: by `adaptation/NAME` of a course or parameter, and by `context/NAME` of the variable that holds it,
-            the last of each that became of it.
+            or a metric or weight, the last of each that became of it.
     """
 
     def __init__(self) -> None:
@@ -119,6 +119,9 @@ class Ledger:
                 keys = [f"adaptation/{event.details.get('course', event.name)}"]
                 if "variable" in event.details:
                     keys.append(f"context/{event.details['variable']}")
+                if event.what == "analysed":
+                    judged = (*event.details["metrics"], *event.details["weights"])
+                    keys += [f"context/{each['variable']}" for each in judged]
                 for key in keys:
                     self.adaptations[key] = _with(self.adaptations.get(key, {}), event)
             case _:

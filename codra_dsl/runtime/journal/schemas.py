@@ -345,6 +345,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
         {
             "started": "the loop runs",
             "stopped": "it does not run any more",
+            "analysed": "some metrics or weights are otherwise than before",
             "chosen": "the course is another action",
             "explained": "what would have kept the course that was left",
             "ended": "the branch that was left has ended",
@@ -383,7 +384,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
             **_BOUNDS,
         ),
         rules=_parts(
-            "How strongly each rule acts.",
+            "How strongly each rule acts; of an analysis only those that do.",
             text=_field("string", "The rule."),
             concludes=_list("string", "What it says something about."),
             place=_field("string", "Where the spec says it."),
@@ -418,6 +419,8 @@ _JUDGED: Mapping[str, Field] = {
     **_BOUNDS,
     "value": {"type": "number", "description": "What counts; left out when unknown."},
     "evidence_s": {"type": "number", "description": "Of the oldest input."},
+    "variable": {"type": "string", "description": "Of an analysis, the variable that holds it."},
+    "reads": {"type": "array", "items": {"type": "string"}, "description": "Of an analysis, what it follows from."},
 }
 
 

@@ -24,7 +24,7 @@ from codra_dsl.runtime.mape.execution import Execution
 from codra_dsl.runtime.mape.keeping import keeping
 from codra_dsl.runtime.mape.places import placed
 from codra_dsl.runtime.mape.planning import Planning, Setting, Written
-from codra_dsl.runtime.mape.telling import chain_of, evidence_of, kept_by, plain
+from codra_dsl.runtime.mape.telling import analysis_of, chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.outline import package_folder, places_in
 from codra_dsl.runtime.subscriptions import Subscription
@@ -305,6 +305,9 @@ class Loop:
         self._analysis_due_s = min(now_s + self._loop.period_s, plan.due_s)
         for written in plan.analysed:
             self._attempt(partial(self._pens.write, self._model.analyst, written, now_s))
+        if plan.changed:
+            told = analysis_of(self._model, plan.assessment, plan.changed)
+            self._attempt(partial(self._tell, self._loop.name, "analysed", told))
         for decision in plan.decisions:
             self._attempt(partial(self._adapt, decision))
             if decision.before:

@@ -80,11 +80,13 @@ class Plan:
 
     Attributes:
         analysed: rates, metrics and weights, to be written by the analyst.
+        changed: the variables of those metrics and weights that are otherwise than at the last analysis.
         due_s: when to analyse again though nothing has changed.
     """
 
     assessment: Assessment
     analysed: tuple[Written, ...]
+    changed: frozenset[str]
     decisions: tuple[Decision, ...]
     settings: tuple[Setting, ...]
     due_s: float
@@ -116,6 +118,7 @@ class Planning:
         self._parameters = tuple(each for each in model.parameters if each.name in loop.adapt)
         self._standing = {name: Standing() for name in self.courses}
         self._settings = {each.name: _Parameter() for each in self._parameters}
+        self._bounds: dict[str, Bounds] = {}
         self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
         self._reads = tuple(sorted(self._read()))
 
@@ -141,6 +144,7 @@ class Planning:
         return Plan(
             assessment=assessment,
             analysed=tuple(self._analysed(assessment)),
+            changed=frozenset(self._changed(assessment)),
             decisions=decisions,
             settings=settings,
             due_s=min(due_s, later_s, self._flips_s(assessment.scene, now_s)),
@@ -180,9 +184,19 @@ class Planning:
         for name in self._rates:
             seen = assessment.scene[name]
             yield Written(variable=name, value=seen.value, evidence_s=seen.evidence_s)
-        yield from (_written(each) for each in assessment.metrics.outputs if each.name in self._loop.analyse)
+        yield from (_written(each) for each in self._outputs(assessment))
+
+    def _outputs(self, assessment: Assessment) -> Iterator[Judged]:
+        """Yield the metrics and weights that this loop works out."""
+        yield from (each for each in assessment.metrics.outputs if each.name in self._loop.analyse)
         actions = {action for course in self.courses.values() for action in course.choose}
-        yield from (_written(each) for each in assessment.actions.outputs if each.name in actions)
+        yield from (each for each in assessment.actions.outputs if each.name in actions)
+
+    def _changed(self, assessment: Assessment) -> Iterator[str]:
+        for each in self._outputs(assessment):
+            if not _same(self._bounds.get(each.variable), each.bounds):
+                self._bounds[each.variable] = each.bounds
+                yield each.variable
 
     # What is decided
 
@@ -243,6 +257,11 @@ class Planning:
 
 def _written(judged: Judged) -> Written:
     return Written(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s)
+
+
+def _same(before: Bounds | None, now: Bounds) -> bool:
+    """Return whether bounds are what they were; what is unknown, nan, is what it was as well."""
+    return before is not None and repr(before) == repr(now)
 
 
 def _is_bounded(kind: ValueType) -> bool:

@@ -1,4 +1,4 @@
-"""What a loop makes of an input over its range: metrics, weights, the action, and the rule behind each switch.
+"""What a loop makes of its inputs over their ranges: metrics, weights, the action, and the rule behind each switch.
 
 The filter is left aside: a sweep asks what would weigh most, not when.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.mape.analysis import Assessment, Fired, assess
@@ -26,7 +27,8 @@ class Row:
 
     Attributes:
         metrics: what counts of each; None if unknown.
-        action: the one of a hard rule, else the one that weighs most, else the course's `otherwise`.
+        action: the one of a hard rule, else the one that weighs most, else the course's `otherwise`; empty without a
+            course.
         rule: the hard rule that decides, as the spec says it; empty if none does.
     """
 
@@ -69,46 +71,124 @@ class Switch:
     rules: tuple[Shift, ...]
 
 
+class Trend(StrEnum):
+    """Which way a number goes while an input rises, or passes from one member to the next."""
+
+    CONSTANT = "constant"
+    RISES = "rises"
+    FALLS = "falls"
+    TURNS = "turns"
+    """It does both."""
+    UNKNOWN = "unknown"
+    """Somewhere it is not known."""
+
+    @property
+    def is_monotone(self) -> bool:
+        """Return whether it never turns, as far as it is known."""
+        return self in (Trend.CONSTANT, Trend.RISES, Trend.FALLS)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """What an input comes to over its range."""
+    """What an input comes to over its range.
+
+    Attributes:
+        unit: of the input; empty for none.
+        known: what all other inputs were; None is unknown.
+    """
 
     variable: str
+    unit: str = ""
+    known: Mapping[str, Value | None]
     rows: tuple[Row, ...]
     switches: tuple[Switch, ...]
+
+    @property
+    def trends(self) -> Mapping[str, Trend]:
+        """Return which way each metric goes over the rows."""
+        return {name: trend([row.metrics[name] for row in self.rows]) for name in self.rows[0].metrics}
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
 
 
+def trend(values: Sequence[float | None]) -> Trend:
+    """Return which way numbers go; differences up to 1e-9 are none."""
+    known = [value for value in values if value is not None]
+    if len(known) < len(values):
+        return Trend.UNKNOWN
+    steps = [other - one for one, other in itertools.pairwise(known)]
+    rises, falls = any(step > _SAME for step in steps), any(step < -_SAME for step in steps)
+    if rises and falls:
+        return Trend.TURNS
+    return Trend.RISES if rises else Trend.FALLS if falls else Trend.CONSTANT
+
+
 def sweep(
-    model: MapeModel, course: CourseModel, known: Mapping[str, Value | None], variable: str, values: Sequence[Value]
+    model: MapeModel,
+    course: CourseModel | None,
+    known: Mapping[str, Value | None],
+    variable: str,
+    values: Sequence[Value],
+    *,
+    unit: str = "",
 ) -> Sweep:
     """Return what a course makes of an input.
 
     Args:
         model: of the loops.
-        course: whose actions are weighed.
+        course: whose actions are weighed; without one there are metrics only.
         known: all that the stages and hard rules read, but what stages work out; None is unknown.
         variable: the input that is varied.
-        values: that it takes, in order.
+        values: that it takes, in order; at least one.
+        unit: of the input, for people.
 
     Raises:
         UnknownNameError: if nothing reads the variable.
     """
     if variable not in known:
         raise unknown("input", variable, known)
-    scene = {name: Observation(variable=name, value=value, evidence_s=0.0) for name, value in known.items()}
-    asked = _Asked(model, course, scene, variable)
+    asked = _Asked(model, course, _scene(known), variable)
     rows = tuple(asked.row(value) for value in values)
     switches = tuple(asked.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action)
-    return Sweep(variable=variable, rows=rows, switches=switches)
+    others = {name: value for name, value in known.items() if name != variable}
+    return Sweep(variable=variable, unit=unit, known=others, rows=rows, switches=switches)
+
+
+def surface(
+    model: MapeModel,
+    course: CourseModel | None,
+    known: Mapping[str, Value | None],
+    across: tuple[str, Sequence[Value]],
+    up: tuple[str, Sequence[Value]],
+) -> tuple[tuple[Row, ...], ...]:
+    """Return what a course makes of two inputs.
+
+    Args:
+        model: of the loops.
+        course: as of `sweep`.
+        known: as of `sweep`.
+        across: the input that differs within a row, and its values.
+        up: the input that differs from row to row, and its values.
+
+    Raises:
+        UnknownNameError: if nothing reads one of them.
+    """
+    for name in (across[0], up[0]):
+        if name not in known:
+            raise unknown("input", name, known)
+    asked = (_Asked(model, course, _scene({**known, up[0]: value}), across[0]) for value in up[1])
+    return tuple(tuple(each.row(value) for value in across[1]) for each in asked)
+
+
+def _scene(known: Mapping[str, Value | None]) -> Scene:
+    return {name: Observation(variable=name, value=value, evidence_s=0.0) for name, value in known.items()}
 
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
     model: MapeModel
-    course: CourseModel
+    course: CourseModel | None
     scene: Scene
     variable: str
 
@@ -118,13 +198,16 @@ class _Asked:
 
     def row(self, value: Value) -> Row:
         found = self.assessed(value)
+        metrics = {each.name: each.value for each in found.metrics.outputs}
+        if self.course is None:
+            return Row(value=value, metrics=metrics, weights={}, action="", rule="")
         rule = hard_rule(self.course, found, 0.0)
         weights = {action: found.weights()[action] for action in self.course.choose}
         known = {action: weight for action, weight in weights.items() if weight is not None}
         heaviest = max(known, key=known.__getitem__, default=self.course.otherwise)
         return Row(
             value=value,
-            metrics={each.name: each.value for each in found.metrics.outputs},
+            metrics=metrics,
             weights=weights,
             action=heaviest if rule is None else rule.action,
             rule="" if rule is None else rule.text,
@@ -157,7 +240,8 @@ class _Asked:
         """Yield what differs: a hard rule, or the rule of each stage whose strength differs most."""
         if one.rule != other.rule:
             text, is_after = (other.rule, True) if other.rule else (one.rule, False)
-            place = next(rule.place for rule in self.course.always if rule.text == text)
+            always = () if self.course is None else self.course.always
+            place = next(rule.place for rule in always if rule.text == text)
             yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
             return
         before, after = self.assessed(one.value), self.assessed(other.value)
@@ -181,22 +265,55 @@ def _size(shift: Shift) -> float:
 
 
 def _lines(found: Sweep) -> Iterator[str]:
-    first = found.rows[0]
-    names = [found.variable, *first.metrics, *first.weights, "action"]
-    widths = [max(10, len(name)) for name in names]
-    yield "  ".join(name.rjust(width) for name, width in zip(names, widths, strict=True))
-    for row in found.rows:
-        cells = [_cell(row.value), *map(_cell, row.metrics.values()), *map(_cell, row.weights.values()), row.action]
-        yield "  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True))
+    yield from _others(found.known)
+    yield from _table(found)
     for switch in found.switches:
-        between = f"{_cell(switch.low)} and {_cell(switch.high)}"
-        yield f"{switch.before} -> {switch.after} between {between}:"
+        yield f"{switch.before} -> {switch.after} {_where(found, switch)}:"
         for rule in switch.rules:
             place = f"  [{rule.place}]" if rule.place else ""
             yield f"  {rule.text}: {rule.before:.3g} -> {rule.after:.3g}{place}"
+    for name, way in found.trends.items():
+        yield f"{name} {_WAYS[way]}"
+
+
+_WAYS = {
+    Trend.CONSTANT: "is constant",
+    Trend.RISES: "is monotone: it never falls",
+    Trend.FALLS: "is monotone: it never rises",
+    Trend.TURNS: "is not monotone: it rises and falls",
+    Trend.UNKNOWN: "is not known everywhere",
+}
+
+
+def _others(known: Mapping[str, Value | None]) -> Iterator[str]:
+    given = [f"{name} = {_cell(value)}" for name, value in known.items() if value is not None]
+    missing = [name for name, value in known.items() if value is None]
+    yield from [f"with {', '.join(given)}"] if given else []
+    yield from [f"unknown: {', '.join(missing)}"] if missing else []
+
+
+def _table(found: Sweep) -> Iterator[str]:
+    first = found.rows[0]
+    head = f"{found.variable} ({found.unit})" if found.unit else found.variable
+    has_course = bool(first.action)
+    names = [head, *first.metrics, *first.weights, *(["action"] if has_course else [])]
+    lines = [names]
+    for row in found.rows:
+        cells = [_cell(row.value), *map(_cell, row.metrics.values()), *map(_cell, row.weights.values())]
+        lines.append([*cells, *([row.action] if has_course else [])])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+
+
+def _where(found: Sweep, switch: Switch) -> str:
+    low, high = (f"{_cell(value)} {found.unit}".rstrip() for value in (switch.low, switch.high))
+    return f"at {low}" if low == high else f"between {low} and {high}"
 
 
 def _cell(value: Value | None) -> str:
     if value is None:
         return "unknown"
+    if isinstance(value, bool):
+        return "true" if value else "false"
     return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from codra_dsl.runtime.journal.encoding import json_text
-from codra_dsl.runtime.mape.analysis import Assessment, Degree, Judged, Stage
+from codra_dsl.runtime.mape.analysis import Assessment, Degree, Fired, Judged, Stage
 from codra_dsl.runtime.mape.courses import Decision
-from codra_dsl.runtime.mape.declarations import CourseModel
+from codra_dsl.runtime.mape.declarations import CourseModel, MapeModel, StageModel
 from codra_dsl.runtime.mape.keeping import Keeping
 from codra_dsl.runtime.mape.observations import Observation
 
@@ -41,19 +42,57 @@ def evidence_of(assessment: Assessment) -> Details:
     return {
         "readings": _readings(stages),
         "degrees": [_degree(each) for each in dict.fromkeys(each for stage in stages for each in stage.degrees)],
-        "rules": [
-            _without_none(
-                text=each.text,
-                concludes=list(each.concludes),
-                place=each.place or None,
-                low=_finite(each.low),
-                high=_finite(each.high),
-            )
-            for stage in stages
-            for each in stage.rules
-        ],
+        "rules": [_rule(each) for stage in stages for each in stage.rules],
         "metrics": [_judged(each) for each in assessment.metrics.outputs],
     }
+
+
+def analysis_of(model: MapeModel, assessment: Assessment, variables: Collection[str]) -> Details:
+    """Return what led to some metrics and weights, from what was read to what came of it."""
+    metrics = () if model.metrics is None else _told(model.metrics, assessment.metrics, variables)
+    weights = () if model.actions is None else _told(model.actions, assessment.actions, variables)
+    told = [*metrics, *weights]
+    inputs = {each.variable: each for part in told for each in part.inputs}
+    return {
+        "readings": [_reading(each) for each in inputs.values()],
+        "degrees": [_degree(each) for each in dict.fromkeys(each for part in told for each in part.degrees)],
+        "rules": [_rule(each) for each in dict.fromkeys(each for part in told for each in part.rules)],
+        "metrics": [part.details() for part in metrics],
+        "weights": [part.details() for part in weights],
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Told:
+    """An output with all that it follows from, but rules that did not act."""
+
+    output: Judged
+    inputs: tuple[Observation, ...]
+    degrees: tuple[Degree, ...]
+    rules: tuple[Fired, ...]
+
+    def details(self) -> Details:
+        """Return the output, and what it was read from."""
+        reads = [each.variable for each in self.inputs]
+        return _judged(self.output) | {"variable": self.output.variable, "reads": reads}
+
+
+def _told(model: StageModel, stage: Stage, variables: Collection[str]) -> tuple[_Told, ...]:
+    outputs = (each for each in stage.outputs if each.variable in variables)
+    return tuple(_behind(model, stage, each) for each in outputs)
+
+
+def _behind(model: StageModel, stage: Stage, output: Judged) -> _Told:
+    about = [
+        (rule, fired) for rule, fired in zip(model.rules, stage.rules, strict=True) if output.name in rule.concludes
+    ]
+    reads = {variable for rule, _ in about for variable in rule.reads}
+    return _Told(
+        output=output,
+        inputs=tuple(each for each in stage.inputs if each.variable in reads),
+        degrees=tuple(each for each in stage.degrees if each.variable in reads),
+        rules=tuple(fired for _, fired in about if fired.high > 0.0),
+    )
 
 
 def kept_by(found: Iterable[Keeping]) -> list[Details]:
@@ -73,16 +112,26 @@ def kept_by(found: Iterable[Keeping]) -> list[Details]:
 def _readings(stages: Sequence[Stage]) -> list[Details]:
     seen: dict[str, Observation] = {each.variable: each for stage in stages for each in stage.inputs}
     judged = {each.variable for stage in stages for each in stage.outputs}
-    return [
-        _without_none(
-            variable=each.variable,
-            value=None if each.value is None else json_text(each.value),
-            evidence_s=_finite(each.evidence_s),
-            because=each.because or None,
-        )
-        for each in seen.values()
-        if each.variable not in judged
-    ]
+    return [_reading(each) for each in seen.values() if each.variable not in judged]
+
+
+def _reading(each: Observation) -> Details:
+    return _without_none(
+        variable=each.variable,
+        value=None if each.value is None else json_text(each.value),
+        evidence_s=_finite(each.evidence_s),
+        because=each.because or None,
+    )
+
+
+def _rule(each: Fired) -> Details:
+    return _without_none(
+        text=each.text,
+        concludes=list(each.concludes),
+        place=each.place or None,
+        low=_finite(each.low),
+        high=_finite(each.high),
+    )
 
 
 def _degree(each: Degree) -> Details:

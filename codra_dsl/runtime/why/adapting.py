@@ -1,4 +1,4 @@
-"""Why a course or parameter is what it is: the chain of the last decision about it, in sentences."""
+"""Why a course, parameter, metric or weight is what it is: the chain that led to it, in sentences."""
 
 from __future__ import annotations
 
@@ -40,8 +40,34 @@ def explain_course(ledger: Ledger, name: str, at_s: float) -> Why | None:
 
 
 def adapting(ledger: Ledger, variable: str) -> Iterator[str]:
-    """Yield the chain of the last decision about what a variable holds; nothing if no loop decides about it."""
-    return _chain(ledger.adaptations.get(f"context/{variable}", {}))
+    """Yield the chain of the last decision or analysis of what a variable holds; nothing if no loop has to do with it.
+
+    Of a weight it also tells the chains of the metrics that it follows from.
+    """
+    found = ledger.adaptations.get(f"context/{variable}", {})
+    yield from _chain(found)
+    if "analysed" in found:
+        yield from _analyses(ledger, variable)
+
+
+def _analyses(ledger: Ledger, variable: str) -> Iterator[str]:
+    """Yield how a metric or weight came about, then how those metrics did that it was read from."""
+    pending, told = [variable], set[str]()
+    while pending:
+        name = pending.pop(0)
+        event = ledger.adaptations.get(f"context/{name}", {}).get("analysed")
+        if event is None:
+            continue
+        parts = {part["variable"]: part for part in (*event.details["metrics"], *event.details["weights"])}
+        part = parts[name]
+        rules = [rule for rule in event.details["rules"] if part["name"] in rule["concludes"]]
+        yield f"{name} came to be {_judged(part)} at {instant(event.instant_s)}, and is so since then:"
+        yield from _of_rules(rules, part["name"])
+        for reading in event.details["readings"]:
+            if reading["variable"] in part["reads"] and reading["variable"] not in told:
+                told.add(reading["variable"])
+                yield f"  {_of_reading(event.details, reading)}"
+                pending.append(reading["variable"])
 
 
 def _chain(found: Mapping[str, Event]) -> Iterator[str]:
@@ -94,10 +120,14 @@ def _of_evidence(details: Part) -> Iterator[str]:
         yield f"metric {metric['name']}: {_judged(metric)}"
         yield from _of_rules(details["rules"], metric["name"])
     for reading in details["readings"]:
-        degrees = ", ".join(
-            f"{each['term']} {_between(each)}" for each in details["degrees"] if each["variable"] == reading["variable"]
-        )
-        yield f"{_read(reading)}{f' ({degrees})' if degrees else ''}"
+        yield _of_reading(details, reading)
+
+
+def _of_reading(details: Part, reading: Part) -> str:
+    degrees = ", ".join(
+        f"{each['term']} {_between(each)}" for each in details["degrees"] if each["variable"] == reading["variable"]
+    )
+    return f"{_read(reading)}{f' ({degrees})' if degrees else ''}"
 
 
 def _of_rules(rules: Sequence[Part], name: str) -> Iterator[str]:

@@ -29,7 +29,7 @@ def explain(outline: Outline, ledgers: Ledgers, name: str, at_s: float) -> Why:
         outline: what the spec says.
         ledgers: tells what had happened up to an instant.
         name: of a variable of the spec, or of knowledge: a node, `node.attribute`, an edge as `origin -edge-> target`,
-            or a task; or of a course or parameter.
+            or a task; or of a course or parameter, or of an action, whose weight is meant.
         at_s: the instant.
 
     Raises:
@@ -38,11 +38,20 @@ def explain(outline: Outline, ledgers: Ledgers, name: str, at_s: float) -> Why:
     node, _, attribute = name.rpartition(".")
     if node and outline.nodes.get(attribute) == node:
         name = attribute  # a context-variable, by its other name
+    if name not in outline.variables:
+        name = _meant(outline, ledgers(at_s), name)
     if name in outline.variables:
         found = _Explanation(outline, ledgers).why(name, at_s, ())
         return replace(found, story=(*found.story, *adapting(ledgers(at_s), name)))
     ledger = ledgers(at_s)
     return explain_course(ledger, name, at_s) or explain_knowledge(outline, ledger, name, at_s)
+
+
+def _meant(outline: Outline, ledger: Ledger, name: str) -> str:
+    """Return the variable of the weight of an action that nothing else is called like."""
+    weight = f"weight_of_{name}"
+    is_other = name in outline.nodes.values() or name in ledger.knowledge or f"adaptation/{name}" in ledger.adaptations
+    return weight if weight in outline.variables and not is_other else name
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
+import pytest
 from mcap.reader import make_reader
 
-from codra_dsl.runtime import ContextManager, Journal, Kind, Reading
+from codra_dsl.runtime import ContextManager, Journal, Kind, Reading, UnknownNameError
 from codra_dsl.runtime.journal.ledger import Ledger
-from codra_dsl.runtime.mape.analysis import assess
+from codra_dsl.runtime.mape.analysis import assess, infer
 from codra_dsl.runtime.mape.observations import Observation
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.why import explain
@@ -46,7 +48,7 @@ def test_every_message_of_a_journal_fits_its_closed_schema(tmp_path: Path) -> No
             validators[schema.id].validate(json.loads(message.data))
             if channel.topic == "/codra/adaptation":
                 seen.add(json.loads(message.data)["what"])
-    assert seen == {"started", "chosen", "explained", "ended", "set", "stopped"}
+    assert seen == {"started", "analysed", "chosen", "explained", "ended", "set", "stopped"}
 
 
 def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
@@ -61,7 +63,7 @@ def test_a_replay_makes_the_same_journal_byte_for_byte(tmp_path: Path) -> None:
 def test_why_says_the_same_of_a_journal_as_of_the_run(tmp_path: Path) -> None:
     shop = run(tmp_path / "run.mcap")
     head, events = read(tmp_path / "run.mcap")
-    for name in ("course_now", "max_speed", "course", "speed"):
+    for name in ("course_now", "max_speed", "course", "speed", "safety", "weight_of_start"):
         for at_s in (10.0, 14.5, 22.5, 25.0, 32.0):
             told = explain(head.outline, lambda until_s: Ledger.of(events, until_s), name, at_s)
             assert str(told) == str(shop.codra.why(name, at_s=at_s))
@@ -112,6 +114,88 @@ def test_why_of_a_course_tells_what_was_known_what_it_came_to_and_what_would_hav
         "deliver would have been kept by person_distance = 1.89934 instead of 1",
     ):
         assert part in told
+
+
+def test_why_of_a_metric_and_of_a_weight_tells_the_readings_the_rules_and_their_strengths() -> None:
+    shop = Shop()
+    shop.begin()
+    shop.pass_s(4.0, person=2.1)
+    chain = """\
+  safety came to be 0.665377 at 12 s, and is so since then:
+    if person_distance is close then safety is medium: acts with 0.4  [specs/shop.yaml:1]
+    if person_distance is not close then safety is high: acts with 0.6  [specs/shop.yaml:2]
+    person_distance was 2.1, from evidence taken at 12 s (close 0.4)"""
+
+    assert (
+        str(shop.codra.why("safety"))
+        == f"""\
+safety is 0.665377 at 16 s
+  written by agent analysis at 16 s, from evidence taken at 15.5 s
+{chain}"""
+    )
+    assert (
+        str(shop.codra.why("weight_of_start"))
+        == f"""\
+weight_of_start is 0.474062 at 16 s
+  written by agent analysis at 16 s, from evidence taken at 15.5 s
+  weight_of_start came to be 0.474062 at 12 s, and is so since then:
+    if safety is medium then start is high: acts with 0.448744  [specs/shop.yaml:3]
+    if safety is not medium then start is low: acts with 0.551256  [specs/shop.yaml:4]
+    safety was 0.665377, from evidence taken at 12 s
+{chain}"""
+    )
+
+
+def test_an_action_by_its_name_is_its_weight_unless_something_else_is_called_so() -> None:
+    shop = Shop()
+    shop.begin()
+
+    assert str(shop.codra.why("deliver")) == str(shop.codra.why("weight_of_deliver"))
+    assert "came to be" not in str(shop.codra.why("to_deliver"))
+    with pytest.raises(UnknownNameError, match="delivr"):
+        shop.codra.why("delivr")
+
+
+def test_why_of_a_metric_that_is_unknown_tells_what_it_lacks() -> None:
+    shop = Shop()
+    shop.tell(battery=80.0, load="empty", bumped=False)
+    shop.mape.start()
+    shop.clock.sleep(1.0)
+    told = str(shop.codra.why("safety"))
+
+    assert re.search(r"safety came to be (0\.\d+), the worse end of \1 to 0\.\d+ at 0 s, and is so since then:", told)
+    assert "  person_distance was unknown: never_observed (close 0 to 1)" in told
+
+
+def test_what_is_told_of_an_analysis_gives_the_same_numbers_again(tmp_path: Path) -> None:
+    run(tmp_path / "run.mcap")
+    analysed = [event for event in read(tmp_path / "run.mcap")[1] if event.what == "analysed"]
+    assert len(analysed) > 5
+    for event in analysed:
+        for stage, parts in ((MAPE.metrics, event.details["metrics"]), (MAPE.actions, event.details["weights"])):
+            assert stage is not None
+            read_from = {each["variable"]: json.loads(each.get("value", "null")) for each in event.details["readings"]}
+            scene = {
+                each.variable: Observation(variable=each.variable, value=read_from.get(each.variable))
+                for each in stage.inputs
+            }
+            found = infer(stage, scene)
+            strengths = {rule.text: rule.high for rule in found.rules}
+            for part in parts:
+                assert part.get("value") == found.value(part["name"])
+                acting = {
+                    rule["text"]: rule["high"] for rule in event.details["rules"] if part["name"] in rule["concludes"]
+                }
+                assert acting.items() <= strengths.items()
+
+
+def test_an_analysis_that_comes_to_the_same_is_not_told_again() -> None:
+    shop = Shop()
+    shop.begin()
+    before = len(shop.told("analysed"))
+    shop.pass_s(5.0)
+
+    assert len(shop.told("analysed")) == before
 
 
 def test_why_of_a_parameter_tells_what_set_it(tmp_path: Path) -> None:

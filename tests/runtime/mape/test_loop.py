@@ -405,6 +405,7 @@ def test_all_that_a_loop_tells_is_of_its_kind() -> None:
     record = a_story().codra.record
     assert {event.what for event in record.of(Kind.ADAPTATION)} == {
         "started",
+        "analysed",
         "chosen",
         "explained",
         "ended",

@@ -1,0 +1,376 @@
+"""`codra sweep`: switch points with their rules, which way metrics go, pictures, and what is said of a slip."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+from typer.testing import CliRunner
+
+from codra_dsl.cli.app import app
+from codra_dsl.compiler import plan_paths
+from codra_dsl.experiments.sweeping import Subject, held, subject, varied
+from codra_dsl.runtime.mape.sweep import Sweep, Trend, sweep, trend
+
+ROOT = Path(__file__).parents[2]
+STORE = ROOT / "specs/store.yaml"
+TRUCK = """\
+codra: 1
+name: truck
+context:
+  distance: {type: float, unit: m, range: [0, 10], source: laser, terms: {close: ramp 2 1}}
+  visitors: {type: int, range: [0, 8], source: laser, terms: {many: ramp 2 4}}
+  load: {type: enum, values: [empty, full], source: laser}
+  tripped: {type: bool, source: laser}
+agents: {laser: {}}
+metrics:
+  safety:
+    rules:
+      - if distance is close or visitors is many then low
+      - if distance is not close and visitors is not many then high
+actions:
+  go:
+    rules: [if safety is high and load is empty then high, if safety is not high or load is full then low]
+  wait:
+    rules: [if safety is high and load is empty then low, if safety is not high or load is full then high]
+adaptation:
+  course:
+    choose: [go, wait]
+    in: mission
+    otherwise: wait
+    always:
+      - {if: tripped == true, then: wait}
+trees:
+  mission: {file: mission.xml, course: {go: Go, wait: Wait}, leaves: {}}
+loops:
+  driving: {analyse: [safety], adapt: [course], execute: [mission]}
+"""
+TREE = """\
+<root BTCPP_format="4" main_tree_to_execute="Mission">
+  <BehaviorTree ID="Mission">
+    <Switch2 variable="{course}" case_1="go" case_2="wait">
+      <SubTree ID="Go"/>
+      <SubTree ID="Wait"/>
+      <AlwaysSuccess/>
+    </Switch2>
+  </BehaviorTree>
+  <BehaviorTree ID="Go"><Sleep msec="100"/></BehaviorTree>
+  <BehaviorTree ID="Wait"><AlwaysSuccess/></BehaviorTree>
+</root>
+"""
+CALM = ("--with", "visitors=0", "--with", "load=empty", "--with", "tripped=false")
+
+
+@pytest.fixture
+def truck(tmp_path: Path) -> Path:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "mission.xml").write_text(TREE)
+    (tmp_path / "truck.yaml").write_text(TRUCK)
+    return tmp_path / "truck.yaml"
+
+
+def swept(spec: Path, *options: str) -> str:
+    """Return what a sweep prints."""
+    done = CliRunner().invoke(app, ["sweep", str(spec), *options])
+    assert (done.exit_code, done.stderr) == (0, ""), done.stderr
+    return done.stdout
+
+
+def refused(spec: Path, *options: str) -> str:
+    """Return what is said of a sweep that cannot be."""
+    done = CliRunner().invoke(app, ["sweep", str(spec), *options])
+    assert (done.exit_code, done.stdout) == (2, "")
+    return done.stderr.splitlines()[-1].removeprefix("Error: Invalid value for ")
+
+
+# The store (P2)
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+    (plan,) = plan_paths([STORE], ROOT).plans
+    return subject(plan, tmp_path_factory.mktemp("store"))
+
+
+def of_store(store: Subject, vary: str, steps: int, **known: str) -> Sweep:
+    """Return a sweep of the store, in which nothing is unknown."""
+    usual = {
+        "bumped": "false",
+        "person_distance": "6",
+        "picking_up": "true",
+        "order_open": "true",
+        "loaded": "false",
+        "battery_level": "80",
+        "battery_drain": "0.5",
+        "container_load": "empty",
+    }
+    variable, values = varied(store, vary, steps)
+    said = held(store, [f"{name}={value}" for name, value in (usual | known).items()])
+    return sweep(store.model, store.course, said, variable.name, values, unit=variable.type.unit or "")
+
+
+def assert_explained(found: Sweep) -> None:
+    """Each switch has a rule of the spec behind it that is printed with its place."""
+    printed = str(found)
+    for switch in found.switches:
+        assert switch.rules
+        for rule in switch.rules:
+            assert rule.place.startswith("specs/store.yaml:")
+            assert f"  {rule.text}: " in printed
+            assert abs(rule.before - rule.after) > 1e-9
+
+
+@pytest.mark.parametrize("load", ["empty", "loading", "full"])
+@pytest.mark.parametrize("loaded", ["false", "true"])
+def test_in_the_store_safety_never_falls_as_people_go_away(store: Subject, load: str, loaded: str) -> None:
+    found = of_store(store, "person_distance=0.3..6", 57, container_load=load, loaded=loaded)
+
+    assert found.trends["safety"] is Trend.RISES
+    assert_explained(found)
+
+
+def test_in_the_store_the_truck_turns_back_from_its_pick_up_where_people_are_too_close(store: Subject) -> None:
+    (switch,) = of_store(store, "person_distance=0.3..6", 57).switches
+
+    assert (switch.before, switch.after) == ("start", "pick")
+    assert 2.0 < float(switch.low) < float(switch.high) < 2.1
+
+
+@pytest.mark.parametrize("loaded", ["false", "true"])
+@pytest.mark.parametrize("distance", ["0.5", "2", "6"])
+def test_in_the_store_an_empty_battery_sends_the_truck_to_its_dock(store: Subject, loaded: str, distance: str) -> None:
+    found = of_store(store, "battery_level", 50, loaded=loaded, person_distance=distance)
+
+    assert found.trends["power_autonomy"] is Trend.RISES
+    assert (found.rows[0].action, found.rows[0].rule) == ("dock", "battery_level < 10 percent")
+    assert found.switches[0].before == "dock"
+    assert_explained(found)
+
+
+@pytest.mark.parametrize("order_open", ["false", "true"])
+def test_in_the_store_a_full_container_is_delivered(store: Subject, order_open: str) -> None:
+    found = of_store(store, "container_load", 1, loaded="true", order_open=order_open)
+
+    assert [row.value for row in found.rows] == ["empty", "loading", "full"]
+    assert found.rows[-1].action == "deliver"
+    assert found.trends["safety"] is Trend.CONSTANT
+    assert_explained(found)
+
+
+# What is printed
+
+
+def test_a_sweep_is_a_table_with_its_switches_and_which_way_each_metric_goes(truck: Path) -> None:
+    assert (
+        swept(truck, "--vary", "distance=0..4", "--steps", "4", *CALM)
+        == """\
+with visitors = 0, load = empty, tripped = false
+distance (m)  safety      go    wait  action
+           0  0.1857  0.1857  0.8143    wait
+           1  0.1857  0.1857  0.8143    wait
+           2  0.8143  0.8143  0.1857      go
+           3  0.8143  0.8143  0.1857      go
+           4  0.8143  0.8143  0.1857      go
+wait -> go at 1.769 m:
+  if safety is high and load is empty then weight_of_go is high: 0 -> 1  [truck.yaml:16]
+  if distance is close or visitors is many then safety is low: 1 -> 0  [truck.yaml:12]
+safety is monotone: it never falls
+"""
+    )
+
+
+def test_a_hard_rule_is_what_explains_a_switch(truck: Path) -> None:
+    assert (
+        swept(truck, "--vary", "tripped", "--with", "distance=300 cm", *CALM[:4])
+        == """\
+with distance = 3, visitors = 0, load = empty
+tripped  safety      go    wait  action
+  false  0.8143  0.8143  0.1857      go
+   true  0.8143  0.8143  0.1857    wait
+go -> wait between false and true:
+  tripped == true: 0 -> 1  [truck.yaml:25]
+safety is constant
+"""
+    )
+
+
+def test_what_nothing_is_said_of_is_unknown(truck: Path) -> None:
+    assert (
+        swept(truck, "--vary", "visitors=0,4", "--with", "load=empty", "--with", "tripped=unknown")
+        == """\
+with load = empty
+unknown: distance, tripped
+visitors  safety      go    wait  action
+       0  0.1845  0.1857  0.8143    wait
+       4  0.1857  0.1857  0.8143    wait
+safety is monotone: it never falls
+"""
+    )
+
+
+def test_without_vary_the_inputs_are_listed(truck: Path) -> None:
+    assert (
+        swept(truck)
+        == """\
+distance  0..10 m      terms close
+visitors  0..8         terms many
+load      empty, full
+tripped   false, true
+"""
+    )
+
+
+def test_lists_and_whole_numbers_are_swept_as_they_are(truck: Path) -> None:
+    found = json.loads(swept(truck, "--vary", "visitors", "--with", "distance=9", *CALM[2:], "--format", "json"))
+    given = json.loads(swept(truck, "--vary", "visitors=8, 0", "--with", "distance=9", *CALM[2:], "--format", "json"))
+
+    assert [row["value"] for row in found["rows"]] == list(range(9))
+    assert found["trends"] == {"safety": "falls"}
+    assert found["known"] == {"distance": 9.0, "load": "empty", "tripped": False}
+    ((switch),) = found["switches"]
+    assert (switch["before"], switch["after"], switch["rules"][0]["place"]) == ("go", "wait", "truck.yaml:16")
+    assert [row["value"] for row in given["rows"]] == [8, 0]
+    assert given["trends"] == {"safety": "rises"}
+
+
+def test_the_inputs_are_told_as_json_too(truck: Path) -> None:
+    told = json.loads(swept(truck, "--format", "json"))
+
+    assert told["inputs"][0] == {
+        "variable": "distance",
+        "type": "float",
+        "unit": "m",
+        "range": [0.0, 10.0],
+        "members": [],
+        "terms": ["close"],
+    }
+
+
+def test_a_spec_without_a_course_has_its_metrics_swept(tmp_path: Path) -> None:
+    text = (
+        TRUCK.partition("actions:")[0]
+        + """\
+adaptation:
+  speed: {set: max_speed, value: 0.3 m/s if safety < 0.6 else 1.2 m/s}
+loops:
+  driving: {analyse: [safety], adapt: [speed]}
+"""
+    )
+    speed = "  max_speed: {type: float, unit: m/s, range: [0, 1.5], source: adaptation}\nagents:"
+    lines = [line for line in text.replace("agents:", speed).splitlines() if not line.startswith(("  load", "  trip"))]
+    (tmp_path / "truck.yaml").write_text("\n".join(lines) + "\n")
+
+    assert (
+        swept(tmp_path / "truck.yaml", "--vary", "distance=0,9", "--with", "visitors=0")
+        == """\
+with visitors = 0
+distance (m)  safety
+           0  0.1857
+           9  0.8143
+safety is monotone: it never falls
+"""
+    )
+
+
+@pytest.mark.parametrize(
+    ("numbers", "way"),
+    [
+        ([0.1, 0.1, 0.2], Trend.RISES),
+        ([0.2, 0.1, 0.1], Trend.FALLS),
+        ([0.1, 0.1 + 1e-12], Trend.CONSTANT),
+        ([0.1, 0.2, 0.1], Trend.TURNS),
+        ([0.1, None, 0.2], Trend.UNKNOWN),
+        ([0.3], Trend.CONSTANT),
+    ],
+)
+def test_which_way_numbers_go(numbers: list[float | None], way: Trend) -> None:
+    assert trend(numbers) is way
+    assert way.is_monotone is (way not in (Trend.TURNS, Trend.UNKNOWN))
+
+
+# Pictures
+
+
+def words(svg: str) -> Iterator[str]:
+    """Yield the texts of a picture."""
+    for each in ET.fromstring(svg).iter("{http://www.w3.org/2000/svg}text"):
+        yield "".join(each.itertext())
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        ((), {"distance in m", "close", "visitors", "many"}),
+        (
+            ("--vary", "distance", *CALM),
+            {"distance in m", "terms", "close", "metrics", "safety", "weights", "go", "wait"},
+        ),
+        (("--vary", "load", "--with", "distance=9", *CALM[:2]), {"load", "empty", "full", "metrics", "weights"}),
+        (
+            ("--vary", "distance", "--vary", "load", *CALM[:2]),
+            {"distance in m", "load", "empty", "safety", "weight of go", "course", "wait"},
+        ),
+    ],
+)
+def test_a_picture_names_what_it_shows_and_is_the_same_each_time(
+    truck: Path, options: tuple[str, ...], shown: Mapping[str, str]
+) -> None:
+    svg = swept(truck, *options, "--steps", "6", "--format", "svg")
+
+    assert set(shown) <= set(words(svg))
+    assert swept(truck, *options, "--steps", "6", "--format", "svg") == svg
+
+
+def test_the_ending_of_a_file_says_the_form(truck: Path, tmp_path: Path) -> None:
+    assert swept(truck, "--output", str(tmp_path / "terms.svg")) == ""
+    assert "close" in set(words((tmp_path / "terms.svg").read_text("utf-8")))
+    assert refused(truck, "--output", str(tmp_path / "terms.png")) == (
+        "--output: no form of a sweep ends in '.png': say --format, or take one of .txt, .json, .svg"
+    )
+
+
+# Slips
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--vary", "distanse"), "--vary: no rule of 'truck' reads 'distanse': did you mean 'distance'?"),
+        (("--vary", "sun"), "--vary: no rule of 'truck' reads 'sun': rules read distance, visitors, load, tripped"),
+        (("--vary", "distance=1..12"), "--vary: 'distance' is from 0 to 10 m, not 12"),
+        (("--vary", "distance=1 s..2 s"), "--vary: 'distance' is a number in m, not '1 s'"),
+        (("--vary", "distance=near"), "--vary: 'near' is no number: write distance=1.5, or FROM..TO to vary it"),
+        (("--vary", "distance=1.."), "--vary: '' is no number: write distance=1.5, or FROM..TO to vary it"),
+        (("--vary", "visitors=1,1.5"), "--vary: 'visitors' is a whole number, not 1.5"),
+        (("--vary", "visitors=2 m"), "--vary: 'visitors' is a number without a unit, not '2 m'"),
+        (("--vary", "load=ful"), "--vary: 'load' is empty or full, not 'ful': did you mean 'full'?"),
+        (("--vary", "load", "--with", "load=full"), "--vary: 'load' is varied: say nothing else of it"),
+        (("--vary", "load", "--with", "distance"), "--with: 'distance' says no value: write distance=VALUE"),
+        (("--vary", "load", "--with", "tripped=yes"), "--with: 'tripped' is false or true, not 'yes'"),
+        (
+            ("--vary", "load", "--vary", "distance"),
+            "--vary: two inputs are drawn: add --format svg, or vary one",
+        ),
+        (("--vary", "load", "--vary", "a", "--vary", "b"), "--vary: at most 2 inputs are varied at once"),
+        (
+            ("--vary", "load", "--vary", "load", "--format", "svg"),
+            "--vary: 'load' is varied: say nothing else of it",
+        ),
+        (("--course", "cuorse"), "--course: 'truck' has no course 'cuorse': did you mean 'course'?"),
+    ],
+)
+def test_a_slip_is_told_with_a_way_out(truck: Path, options: tuple[str, ...], told: str) -> None:
+    assert refused(truck, *options) == told
+
+
+def test_a_spec_without_fuzzy_rules_has_nothing_to_sweep(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(
+        "codra: 1\nname: door\ncontext:\n  door_open: {type: bool, source: main_execution}\n"
+    )
+
+    assert refused(tmp_path / "door.yaml") == (
+        "SPEC: 'door' has neither metrics nor actions: there is nothing that follows from an input"
+    )
