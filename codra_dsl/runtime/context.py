@@ -92,11 +92,7 @@ class ContextManager(Generic[VariableName, SkillName]):
         self._skills = parts.skills
         self._holding = Holding(parts.slots, self.inputs, self._clock)
         self._sessions = itertools.count(2)
-        self._nodes = (
-            {}
-            if knowledge is None
-            else nodes_of_variables(knowledge, model.variables)
-        )
+        self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
         with self._clock:  # so that the graph begins at the instant at which the journal does
             self.record.begin(lambda: self._head(seed))
             self._knowledge = None if knowledge is None else parts.with_knowledge(knowledge)
