@@ -10,6 +10,7 @@ from codra_dsl.build_plan.values import Edge, EdgeKind, Node, NodeKind, Tree
 from codra_dsl.check.checked import CheckedAlgorithm, CheckedSpec
 from codra_dsl.check.knowledge.checked import CheckedAgent, CheckedKnowledge
 from codra_dsl.check.knowledge.world import Thing, World
+from codra_dsl.expression import names_in, reads_of
 from codra_dsl.model import Skill
 
 
@@ -25,7 +26,10 @@ def dependencies(checked: CheckedSpec, forest: Iterable[Tree]) -> tuple[Edge, ..
     parts = chain(map(_runs, trees), map(_perceives, algorithms), map(_decides, skills))
     known = [] if checked.knowledge is None else list(_known(checked.knowledge))
     found = (*known, *chain.from_iterable(parts))
-    return found if checked.mape is None else tuple(sorted({*found, *loop_edges(checked.mape)}, key=_in_order))
+    found = found if checked.mape is None else (*found, *loop_edges(checked.mape))
+    needed = {edge.target.name for edge in found if edge.target.kind is NodeKind.CONTEXT} if checked.poses else ()
+    posed = [edge for name in checked.poses if name in needed for edge in _rests_on(checked, name)]
+    return found if checked.mape is None and not posed else tuple(sorted({*found, *posed}, key=_in_order))
 
 
 def _in_order(edge: Edge) -> tuple[Node, EdgeKind, Node]:
@@ -51,6 +55,15 @@ def _decides(skill: Skill) -> list[Edge]:
     watched = (expectation.variable for expectation in skill.monitor)
     names = [reference.name for reference in (*skill.preview, *watched)]
     return _edges(Node(NodeKind.SKILL, skill.name), EdgeKind.DECIDES_ON, NodeKind.CONTEXT, names)
+
+
+def _rests_on(checked: CheckedSpec, variable: str) -> list[Edge]:
+    """Return the edges with poses from which it may follow what a variable is."""
+    posed, knowledge = checked.variables[variable].posed, checked.knowledge
+    asked = () if posed is None else names_in(posed.tree)
+    nodes = [node for name in asked for node in reads_of(name.name)[1:]]
+    names = [] if knowledge is None else [edge for node in nodes for edge in knowledge.world.climb(node)[1]]
+    return _edges(Node(NodeKind.CONTEXT, variable), EdgeKind.READS, NodeKind.EDGE, names)
 
 
 def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Collection[str]) -> list[Edge]:

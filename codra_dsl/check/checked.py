@@ -85,6 +85,7 @@ class CheckedSpec:
         decisions: the variables that Algorithm 2 starts from (its line 3), in order: what skills preview and monitor,
             or every variable that has an algorithm where no skill is declared.
         expectations: by skill, what it expects of what it monitors.
+        poses: by the name of each variable that follows from poses, the expression that builds its comparison.
         knowledge: None where the spec says nothing of it; likewise `mape`, its loops.
     """
 
@@ -94,5 +95,6 @@ class CheckedSpec:
     producers: Mapping[str, tuple[str, ...]]
     decisions: tuple[str, ...]
     expectations: Mapping[str, tuple[CheckedExpectation, ...]] = field(default_factory=dict)
+    poses: Mapping[str, str] = field(default_factory=dict)
     knowledge: CheckedKnowledge | None = None
     mape: CheckedMape | None = None

@@ -57,7 +57,7 @@ def resource_mentions(scope: Scope) -> Iterator[Mention]:
 def source_mentions(scope: Scope) -> Iterator[Mention]:
     """Yield every source that is to be an agent."""
     for variable in scope.spec.context:
-        for source in variable.sources:
+        for source in variable.sources if variable.posed is None else ():
             if source.name not in (OBSERVER, MAIN_EXECUTION):
                 yield mention_of(source, "context", variable.name, "source")
     for writer, section, name in _writers(scope):

@@ -43,7 +43,7 @@ def unknown_variables(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     if not groups:
         return
     plain = [group for group in groups if not _is_returned(scope, group[0]) and _meant_literal(scope, group[0]) is None]
-    left = yield from _misspelt(scope, "context", plain, _places(scope.variables), used_variables(scope))
+    left = yield from _misspelt(scope, "context", plain, _places(scope.world.variables), used_variables(scope))
     settled = {group[0].name for group in plain} - {group[0].name for group in left}
     for first, *others in groups:
         if first.name in settled:

@@ -18,6 +18,7 @@ from codra_dsl.check.knowledge.leftovers import KNOWLEDGE_LEFTOVERS
 from codra_dsl.check.knowledge.lowered import checked_knowledge
 from codra_dsl.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.check.knowledge.owners import OWNERS
+from codra_dsl.check.knowledge.posed import POSED, python_of_poses
 from codra_dsl.check.knowledge.triplets import TRIPLETS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.mape.branches import BRANCHES, TREE_FILES
@@ -47,7 +48,7 @@ NO_TREES: Mapping[str, Read] = {}
 PHASES: tuple[tuple[Rule, ...], ...] = (
     (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
     (*SOURCES, *OWNERS),
-    (*TYPES, *KNOWLEDGE_TYPES, *LOOP_TYPES),
+    (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
     (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES),
     (*QUALITY, *KNOWLEDGE_LEFTOVERS, *FIRING, *LOOP_LEFTOVERS),
 )
@@ -109,6 +110,7 @@ def _checked(scope: Scope) -> CheckedSpec:
         producers=scope.producers,
         decisions=scope.decisions,
         expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
+        poses=python_of_poses(scope),
         knowledge=checked_knowledge(scope),
         mape=checked_mape(scope),
     )

@@ -53,6 +53,7 @@ RULES = rules(
     ("CDR4112", "misused-resource", _ERROR),
     ("CDR4121", "wrong-ends", _ERROR),
     ("CDR4122", "wrong-starting-value", _ERROR),
+    ("CDR4123", "unconnected-nodes", _ERROR),
     ("CDR4131", "fuzzy-rule-syntax", _ERROR),
     ("CDR4132", "unfit-input", _ERROR),
     ("CDR4133", "unfit-output", _ERROR),

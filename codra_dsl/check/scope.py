@@ -183,7 +183,7 @@ class Scope:
     @cached_property
     def _sections(self) -> Mapping[str, frozenset[str]]:
         return {
-            "context": frozenset(self.variables),
+            "context": frozenset(name for name, each in self.variables.items() if each.posed is None),
             "resources": frozenset(self.resources),
             "agents": frozenset(self.agents),
             **self.world.sections,
@@ -232,7 +232,7 @@ class Scope:
         found = {reference.name for reference in named}
         found.update(name for skill in self.spec.skills for name in watched_by(skill))
         found.update(name for names in self.needs.values() for name in names)
-        return frozenset(name for name in found if not self.declares("context", name))
+        return frozenset(name for name in found if name not in self.variables and not self.declares("context", name))
 
     @cached_property
     def owner_of_member(self) -> Mapping[str, str]:

@@ -35,6 +35,7 @@ DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
         "when_unobservable": '"keep"',
         "refresh": '"periodic"',
         "history": "100",
+        "posed": "None",
     },
 }
 """What the runtime takes for granted, and so goes without saying in generated code."""
@@ -68,8 +69,10 @@ def algorithm(branch: Branch, imports: Imports) -> Expression:
     return spread_call("Algorithm", **fields)
 
 
-def variable(declared: Variable, imports: Imports) -> Expression:
-    """Return the declaration of a context-variable."""
+def variable(declared: Variable, poses: Mapping[str, str], imports: Imports) -> Expression:
+    """Return the declaration of a context-variable; `poses` has the comparisons of those that follow from poses."""
+    posed, words = condition(poses[declared.name]) if declared.posed is not None else ("None", frozenset[str]())
+    imports.use(*words)
     fields = _told(
         "VariableModel",
         imports,
@@ -81,6 +84,7 @@ def variable(declared: Variable, imports: Imports) -> Expression:
         when_unobservable=text_literal(declared.when_unobservable),
         refresh=text_literal(declared.refresh),
         history=literal(declared.history),
+        posed=posed,
     )
     return call("VariableModel", **fields)
 

@@ -58,7 +58,7 @@ def _values(plan: BuildPlan) -> list[Values]:
     """Return the variables by type, in the order in which the types first appear."""
     by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
     enums: set[tuple[str, ...]] = set()
-    for variable in plan.checked.variables.values():
+    for variable in (each for each in plan.checked.variables.values() if each.posed is None):
         kind, members = variable.type.kind, variable.type.values
         if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):
             enums.add(members)

@@ -28,11 +28,11 @@ def _text(plan: BuildPlan, module: Module, trees: list[Tree], skills: list[Skill
     imports.use("VariableModel", "ObserverModel", "SkillModel")
     variables = (plan.checked.variables[name] for name in module.variables)
     branches = (branch for tree in trees for branch in tree.branches)
-    of_skill = plan.checked.expectations
+    of_skill, poses = plan.checked.expectations, plan.checked.poses
     texts = {
         "algorithms": [f"{branch.constant} = {laid_out(algorithm(branch, imports))}" for branch in branches],
         "trees": [tree_text(tree, imports) for tree in trees],
-        "variables": _listed("VARIABLES", "VariableModel", (variable(each, imports) for each in variables)),
+        "variables": _listed("VARIABLES", "VariableModel", (variable(each, poses, imports) for each in variables)),
         "observers": _listed("OBSERVERS", "ObserverModel", (observer(tree, imports) for tree in trees)),
         "skills": _listed(
             "SKILLS", "SkillModel", (skill(each, of_skill.get(each.name, ()), imports) for each in skills)

@@ -30,7 +30,7 @@ FORMAT_VERSION = 1
 # Where something stands and how it was parsed is no part of what a spec means.
 _NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
 # How agents take part in knowledge is told with what is declared of that, and so are the terms of loops.
-_TOLD_APART = frozenset({(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived"))})
+_TOLD_APART = frozenset({(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "posed"))})
 # An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
 _CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
 

@@ -67,6 +67,7 @@ _OTHER_FUNCTIONS = {
     "unknown": "write not known(x)",
     "is_known": "did you mean 'known'?",
     "defined": "did you mean 'known'?",
+    **dict.fromkeys(("distance", "in_view"), "ask for poses in 'observable_when', or in patterns of agents"),
 }
 
 

@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
 
-from codra_dsl.expression.parser import parse
+from codra_dsl.expression.poses import parse_named
 from codra_dsl.expression.tokens import MAX_LENGTH, SlipError, SyntaxProblem, is_name, shown
 from codra_dsl.expression.tree import Name, Node
 
 MAX_LINKS = 16
 """The most edges of a path."""
-
-GEOMETRY = ("distance", "in_view")
-"""The functions of two nodes that conditions of patterns know besides those of the condition language."""
 
 _EXAMPLE = "write a path such as robot -wants-> detecting"
 _WORDS = frozenset({"some", "anything", "as", "not"})
@@ -28,13 +24,6 @@ _TOKEN = re.compile(r"(?P<blank>[ \t\r\n]+)|(?P<name>[^\W\d]\w*)|(?P<sign>->|<-|
 _TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
 _ARROW = re.compile(rf"(?:{_TEXT})|(?P<arrow>->|[-=]>|<-[A-Za-z]\w*-(?!>)|→|←)", re.DOTALL)
 _NAME = r"[A-Za-z][A-Za-z0-9_]*"
-_READ = re.compile(
-    rf"""(?:{_TEXT})
-    | (?P<asked>\b(?:{"|".join(GEOMETRY)})\ *\(\ *(?P<first>{_NAME})\ *,\ *(?P<second>{_NAME})\ *\))
-    | (?P<half>\b(?:{"|".join(GEOMETRY)})\ *\()
-    | (?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))""",
-    re.VERBOSE | re.DOTALL | re.ASCII,
-)
 _THREE_WORDS = re.compile(rf"(?:not\s+)?({_NAME})\s+({_NAME})\s+({_NAME})", re.ASCII)
 _OPEN_ARROW = re.compile(rf"(?:not\s+)?({_NAME})\s+-({_NAME})-\s+({_NAME})", re.ASCII)
 _OPERATORS = frozenset({"and", "or", "in", "if", "else", "not"})
@@ -123,19 +112,6 @@ def parse_pattern(text: str) -> Node | SyntaxProblem:
         return slip.problem
 
 
-def reads_of(name: str) -> tuple[str, str, str]:
-    """Return what a name in a condition of a pattern reads: a function or nothing, and two names or one.
-
-    `a.b` gives ("", "a", "b"), `distance(a, b)` gives ("distance", "a", "b"), `c` gives ("", "", "c").
-    """
-    function, bracket, inner = name.partition("(")
-    if bracket:
-        first, _, second = inner.rstrip(")").partition(", ")
-        return function, first, second
-    node, dot, attribute = name.partition(".")
-    return ("", node, attribute) if dot else ("", "", name)
-
-
 def _condition(text: str) -> Node | SyntaxProblem:
     """Return the tree of a condition whose names may have parts, with the same places as in the text."""
     if text in _WORDS:
@@ -152,55 +128,7 @@ def _condition(text: str) -> Node | SyntaxProblem:
     if open_arrow is not None:
         first, edge, last = open_arrow.groups()
         raise SlipError(f"'->' is missing after '{edge}'", *open_arrow.span(2), f"write {first} -{edge}-> {last}")
-    masked, names = _masked(text)
-    tree = parse(masked)
-    if isinstance(tree, SyntaxProblem):
-        message, way_out = tree.message, tree.help
-        for start, name in names.items():
-            mask = masked[start : start + len(_written(text, start))]
-            message, way_out = message.replace(mask, name), way_out.replace(mask, name)
-        return SyntaxProblem(message, tree.start, tree.end, way_out)
-    return _named(tree, names) if names else tree
-
-
-def _masked(text: str) -> tuple[str, dict[int, str]]:
-    """Return a text in which each name with parts is a plain one of the same length, and those names by place."""
-    names: dict[int, str] = {}
-    masked = text
-    for match in _READ.finditer(text):
-        start, end = match.span()
-        if match["half"]:
-            function = match["half"].rstrip("( ")
-            takes = "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
-            raise SlipError(f"{function}() takes the names of two nodes", start, end, takes)
-        if match["dotted"] and match["dotted"].count(".") > 1:
-            raise SlipError(f"{shown(match[0])} has too many parts", start, end, "write node.attribute")
-        if match["asked"]:
-            function = match["asked"].partition("(")[0].strip()
-            names[start] = f"{function}({match['first']}, {match['second']})"
-        elif match["dotted"]:
-            names[start] = match["dotted"]
-        else:
-            continue
-        masked = masked[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked[end:]
-    return masked, names
-
-
-def _written(text: str, start: int) -> str:
-    match = _READ.match(text, start)
-    return "" if match is None else match[0]
-
-
-def _named(value: Any, names: Mapping[int, str]) -> Any:
-    """Return a part of a tree in which names that were masked are as they were written."""
-    if isinstance(value, tuple):
-        return tuple(_named(each, names) for each in value)
-    if isinstance(value, Name):
-        return replace(value, name=names.get(value.start, value.name))
-    if not isinstance(value, Node):
-        return value
-    parts = (each for each in fields(value) if each.name not in ("start", "end"))
-    return replace(value, **{each.name: _named(getattr(value, each.name), names) for each in parts})
+    return parse_named(text)
 
 
 @dataclass(frozen=True, slots=True)

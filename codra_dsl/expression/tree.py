@@ -28,9 +28,14 @@ class Node:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Name(Node):
-    """A context-variable or a returned value."""
+    """A context-variable or a returned value.
+
+    Attributes:
+        asks: the condition on poses of which it is the name, such as `distance(a, b) < 0.9 m`; None for other names.
+    """
 
     name: str
+    asks: Node | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

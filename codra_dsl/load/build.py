@@ -6,6 +6,7 @@ import keyword
 import re
 from collections.abc import Iterable
 
+from codra_dsl.expression import parse_over_context
 from codra_dsl.expression.tokens import shown
 from codra_dsl.load.conditions import read_condition, read_conditions, whole_items
 from codra_dsl.load.mape import read_rate, read_terms
@@ -76,7 +77,7 @@ def build_algorithm(reader: Reader) -> Algorithm:
         uses=tuple(_read_uses(reader)),
         given=reader.references("given"),
         returns=tuple(_read_returns(reader)),
-        observable_when=read_conditions(reader, "observable_when"),
+        observable_when=read_conditions(reader, "observable_when", grammar=parse_over_context),
         accept_when=read_conditions(reader, "accept_when"),
         identifies=tuple(_read_identifies(reader)),
         timeout_s=reader.duration_s("timeout", 5.0),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 
-from codra_dsl.expression import Node, SyntaxProblem, names_in, parse
+from codra_dsl.expression import Node, SyntaxProblem, names_in, parse, parse_over_context
 from codra_dsl.load.fixes import trap_fix
 from codra_dsl.load.letters import cut, letters_of
 from codra_dsl.load.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
@@ -26,9 +26,14 @@ _JOINING = re.compile(r"^(?:and|or)\s")
 _COMMENT = re.compile(r"[ \t]+#([^\r\n]*)")
 
 
-def read_conditions(reader: Reader, key: str) -> tuple[Condition, ...]:
+Grammar = Callable[[str], Node | SyntaxProblem]
+"""What parses a condition."""
+
+
+def read_conditions(reader: Reader, key: str, *, grammar: Grammar = parse) -> tuple[Condition, ...]:
     """Return the conditions in a list."""
-    return tuple(read_condition(reader, item, key, str(index)) for index, item in whole_items(reader, key))
+    items = whole_items(reader, key)
+    return tuple(read_condition(reader, item, key, str(index), grammar=grammar) for index, item in items)
 
 
 def whole_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
@@ -49,13 +54,13 @@ def whole_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
         reader.fail(trap.rule, trap.message, place, trap.help, key, str(index), fix=trap_fix(trap, place))
 
 
-def read_condition(reader: Reader, node: YamlNode, *steps: str) -> Condition:
+def read_condition(reader: Reader, node: YamlNode, *steps: str, grammar: Grammar = parse) -> Condition:
     """Return one condition; its tree is None, and a finding says why, where it does not parse."""
-    condition = parsed(reader, node, *condition_text(reader, node), steps)
+    condition = parsed(reader, node, *condition_text(reader, node), steps, grammar=_REMEMBERING[grammar])
     if condition.tree is not None:
         _note_comment(reader, node, condition, steps)
     elif not node.reported:
-        report_syntax(reader, node, condition, steps)
+        report_syntax(reader, node, condition, steps, grammar=grammar)
     return condition
 
 
@@ -79,7 +84,7 @@ def parsed(
     letters: Letters,
     steps: tuple[str, ...],
     *,
-    grammar: Callable[[str], Node | SyntaxProblem] | None = None,
+    grammar: Grammar | None = None,
 ) -> Condition:
     """Return a condition with its tree, or without one where it does not parse or a finding stands already.
 
@@ -99,6 +104,14 @@ def _tree(text: str) -> Node | SyntaxProblem:
 
 
 _remembered = lru_cache(maxsize=4096)(parse)
+_remembered_over_context = lru_cache(maxsize=4096)(parse_over_context)
+
+
+def _tree_over_context(text: str) -> Node | SyntaxProblem:
+    return _remembered_over_context(text) if len(text) <= MAX_REMEMBERED else parse_over_context(text)
+
+
+_REMEMBERING: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
 
 
 def _torn_until(sequence: SequenceNode, index: int) -> int | None:
@@ -120,9 +133,11 @@ def _torn_until(sequence: SequenceNode, index: int) -> int | None:
     return None
 
 
-def report_syntax(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+def report_syntax(
+    reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...], *, grammar: Grammar = parse
+) -> None:
     """Report why a condition does not parse."""
-    problem, path = parse(condition.text), reader.part(*steps)
+    problem, path = grammar(condition.text), reader.part(*steps)
     comment = _comment_after(reader, node)
     if comment is not None:
         trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from codra_dsl.diagnostics import suggest
+from codra_dsl.expression import parse_over_context
 from codra_dsl.expression.tokens import shown
 from codra_dsl.fuzzy.model import Term
 from codra_dsl.fuzzy.words import Defuzzification, Shape, SNorm, TNorm
@@ -249,13 +250,14 @@ def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
         if condition is None or inner.scalar("then") is None:
             reader.damage("always")
             continue
-        yield HardRule(condition=read_condition(inner, condition, "if"), action=_read_reference(inner, "then"))
+        said = read_condition(inner, condition, "if", grammar=parse_over_context)
+        yield HardRule(condition=said, action=_read_reference(inner, "then"))
 
 
 def _read_parameter(reader: Reader) -> Parameter:
     node = reader.node.value("value")
     nothing = Condition(text="", tree=None, place=reader.place)
-    value = nothing if node is None else read_condition(reader, node, "value")
+    value = nothing if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
     return Parameter(variable=_read_reference(reader, "set"), value=value)
 
 

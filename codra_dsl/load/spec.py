@@ -19,6 +19,7 @@ from codra_dsl.load.names import MAX_NAME, is_identifier
 from codra_dsl.load.nodes import ScalarNode
 from codra_dsl.load.origin import Origin
 from codra_dsl.load.parts import Parts
+from codra_dsl.load.posed import with_posed
 from codra_dsl.load.reader import entries
 from codra_dsl.load.source import AS_ON_DISK, Source, accept, decode, read
 from codra_dsl.load.uses import Uses
@@ -116,7 +117,7 @@ def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path,
         damaged=damaged,
         damaged_keys=elements.damaged_keys,
     )
-    return with_derived(spec, findings)
+    return with_posed(with_derived(spec, findings))
 
 
 def _declared(elements: Elements) -> Declared:

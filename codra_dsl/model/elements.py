@@ -212,6 +212,21 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Posed:
+    """A comparison with poses, such as `distance(a, b) < 0.9 m`.
+
+    Attributes:
+        tree: the comparison; each function of two nodes is one name in it.
+        said: the condition in which it stands, the first if several do.
+        owner: the section and the name of the element that says it, and the key under which it does.
+    """
+
+    tree: Node
+    said: Condition
+    owner: tuple[str, str, str]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
     """A context-variable c = (name, value) of C_M (P1, Equations 1 to 3).
 
@@ -223,7 +238,8 @@ class Variable:
         node: the node of the knowledge graph that it is an attribute of (`of`).
         terms: words for its values, for fuzzy rules.
         rate: whose rate of change it is; None if it is none.
-        is_derived: whether it follows from another element: it holds a metric, a weight or a course.
+        is_derived: whether it follows from another element: it holds a metric, a weight, a course or what `posed` asks.
+        posed: what it asks of poses, if it follows from them.
         places: by key (`valid_for`, `source`, ...); also `name`.
     """
 
@@ -242,6 +258,7 @@ class Variable:
     terms: tuple[FuzzyTerm, ...] = ()
     rate: Rate | None = None
     is_derived: bool = False
+    posed: Posed | None = None
     places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
 
 

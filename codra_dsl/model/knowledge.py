@@ -13,6 +13,9 @@ from codra_dsl.model.elements import FOREVER_S, Condition, Literal, Reference, V
 CONTEXT_NODE = "context"
 """The node whose attributes context-variables are that do not say `of`."""
 
+POSES = "the knowledge graph"
+"""The source of what comparisons with poses come to; no agent can be called so."""
+
 TASK_TYPE = "task"
 """The type of the nodes that tasks bring along."""
 

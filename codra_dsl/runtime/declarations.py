@@ -11,6 +11,9 @@ MAIN = "main_execution"
 OBSERVER = "observer"
 """What a variable names as its source that is identified by an observer."""
 
+POSES = "the knowledge graph"
+"""What a variable names as its source that follows from poses; no agent can be called so."""
+
 _EXPECTED = "expected"
 _UNDER_WAY = "skill "
 

@@ -187,6 +187,8 @@ class Inputs:
             if self._scribe.takes_inputs:
                 self._scribe.tell_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
             model = self._store.variables[name]
+            if model.posed is not None:
+                raise NotASourceError(f"{name!r} follows from poses: nobody writes it")
             if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
                 raise NotDeclaredError(
                     f"{name!r} is for {' or '.join(model.sources)} to write: "
@@ -309,7 +311,8 @@ class Inputs:
         self._forest.withdraw(name)
 
     def _may_write(self, name: str) -> bool:
-        return MAIN in self._store.variables[name].sources or name in self.declarations
+        model = self._store.variables[name]
+        return model.posed is None and (MAIN in model.sources or name in self.declarations)
 
     def _store_reading(
         self,

@@ -19,6 +19,7 @@ from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Sharing
 from codra_dsl.runtime.model import Algorithm, ContextModel
 from codra_dsl.runtime.observer import Observer
 from codra_dsl.runtime.perception import Function, Perception
+from codra_dsl.runtime.posing import Posing
 from codra_dsl.runtime.slots import Slots
 from codra_dsl.runtime.store import Store
 from codra_dsl.runtime.subscriptions import Subscriptions
@@ -90,13 +91,14 @@ class Machinery:
     def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
         """Return the knowledge graph that shares these variables, steps and journal."""
         sharing = Sharing(
-            variables=tuple(self.store.variables.values()),
+            variables=tuple(each for each in self.store.variables.values() if each.posed is None),
             steps=self.clock,
             scribe=self.scribe,
             write=self.store.write,
         )
         knowledge = Knowledge(model, clock=self.time, sharing=sharing)
         self.store.mirror = knowledge.mirror
+        Posing(self.store.variables.values(), knowledge, self.clock, self.store)
         return knowledge
 
     def obstacle(self, name: str) -> str:
@@ -106,7 +108,7 @@ class Machinery:
 
     def explained(self, reading: Reading[Value]) -> Reading[Any]:
         """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
-        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE):
+        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
             return reading
         return replace(reading, detail=self.obstacle(reading.name))
 

@@ -160,6 +160,7 @@ class VariableModel:
         when_unobservable: what becomes of the last value when a precondition fails or a result is rejected.
         refresh: whether it is looked at again and again, or when something has happened.
         history: how many readings `ContextManager.history` tells at most.
+        posed: what it asks of poses, over `distance` and `in_view`; None for all that do not follow from poses.
     """
 
     name: str
@@ -170,6 +171,7 @@ class VariableModel:
     when_unobservable: Literal["keep", "forget"] = "keep"
     refresh: Literal["periodic", "on_event"] = "periodic"
     history: int = 100
+    posed: Term | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,11 +55,11 @@ def _patterns(scope: Scope, patterns: tuple[Condition, ...]) -> tuple[CheckedPat
 
 def _pattern(scope: Scope, pattern: Condition) -> CheckedPattern:
     path = pattern.tree if isinstance(pattern.tree, Path) else None
-    python = "" if path is not None else _over_knowledge(scope.world, scope.python(pattern, None))
+    python = "" if path is not None else over_knowledge(scope.world, scope.python(pattern, None))
     return CheckedPattern(text=pattern.text, place=pattern.place, path=path, python=python)
 
 
-def _over_knowledge(world: World, python: str) -> str:
+def over_knowledge(world: World, python: str) -> str:
     """Return a lowered condition that reads what it reads as attributes of nodes."""
     return ast.unparse(_Naming(world).visit(ast.parse(python, mode="eval")))
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from codra_dsl.check.conditions import Role
 from codra_dsl.check.mentions import Mention, mention_of, user_of
 from codra_dsl.check.scope import Scope
-from codra_dsl.expression import EdgeTerm, Name, Node, NodeTerm, Path, reads_of, walk
-from codra_dsl.model import Agent, AgentRule, Condition
+from codra_dsl.expression import EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
+from codra_dsl.model import Agent, AgentRule, Condition, Posed
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +107,8 @@ def node_mentions(scope: Scope) -> Iterator[Mention]:
         if "of" in variable.places:
             place = variable.places["of"]
             yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
+        if variable.posed is not None:
+            yield from _asked(variable.posed)
     for task in scope.spec.tasks:
         if task.origin.name:
             yield mention_of(task.origin, "tasks", task.name, "from")
@@ -121,6 +123,14 @@ def node_mentions(scope: Scope) -> Iterator[Mention]:
             elif first:
                 node = Node(start=name.start, end=name.start + len(first))
                 yield mention(pattern, first, node)
+
+
+def _asked(posed: Posed) -> Iterator[Mention]:
+    """Yield the nodes of which a comparison asks where they stand."""
+    section, element, _ = posed.owner
+    for name in names_in(posed.tree):
+        for node in reads_of(name.name)[1:]:
+            yield Mention(node, posed.said.place_of(name), user_of(section, element), ".".join(posed.owner))
 
 
 def end_mentions(scope: Scope) -> Iterator[Mention]:

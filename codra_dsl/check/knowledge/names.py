@@ -66,7 +66,7 @@ def unknown_types(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
 
 def unknown_nodes(scope: Scope, _: Faults) -> Iterator[Diagnostic]:
     """Every node that something names is there from the start; what comes and goes is named by its type."""
-    if not scope.spec.knows:
+    if not scope.spec.knows and all(each.posed is None for each in scope.spec.context):
         return
     world, known = scope.world, scope.world.node_names
     found = (each for each in node_mentions(scope) if each.name not in known and not _may_be_lost(scope, each.name))

@@ -97,8 +97,8 @@ class World:
 
     @cached_property
     def variables(self) -> Mapping[str, Variable]:
-        """The context-variables, by name."""
-        return _by_name(self.spec.context)
+        """The context-variables that are attributes of nodes, by name: all but those that follow from poses."""
+        return _by_name(each for each in self.spec.context if each.posed is None)
 
     @cached_property
     def type_names(self) -> frozenset[str]:
@@ -163,6 +163,30 @@ class World:
             self.fits(target, self.end(each.name)) for each in edge.targets
         )
 
+    def climb(self, name: str) -> tuple[frozenset[NodeTerm], frozenset[str]]:
+        """Return all in which a node may come to stand, itself among it, and the edges with poses by which it may."""
+        pending = [NodeTerm(start=0, end=0, name=name)]
+        found, edges = set(pending), set[str]()
+        while pending:
+            term = pending.pop()
+            for edge in self.edges.values():
+                if is_rigid(edge) and any(self.fits(term, self.end(each.name)) for each in edge.targets):
+                    edges.add(edge.name)
+                    more = {self._term(each.name) for each in edge.origins} - found
+                    found |= more
+                    pending.extend(more)
+        return frozenset(found), frozenset(edges)
+
+    def may_meet(self, one: str, other: str) -> bool:
+        """Return whether poses may tell where two nodes stand to each other: whether both may stand in one frame."""
+        first, second = self.climb(one)[0], self.climb(other)[0]
+        return any(self.may_be(each, another) for each in first for another in second)
+
+    def _term(self, name: str) -> NodeTerm:
+        """Return what a name at an end of an edge means, as patterns say it."""
+        is_node = self.end(name).is_node
+        return NodeTerm(start=0, end=0, name=name if is_node else "", type="" if is_node else name)
+
     def task_of(self, origin: NodeTerm, word: str, target: NodeTerm) -> Task | None:
         """Return the task whose edge a step of a path is about, if it is one."""
         task = self.tasks.get(target.name)
@@ -181,7 +205,7 @@ class World:
         kind = self.types.get(self.type_of(node))
         for attribute in kind.attributes if kind is not None else ():
             found[attribute.name] = (Thing("types", kind.name, attribute.name), attribute.type)  # type: ignore[union-attr]
-        for variable in self.spec.context:
+        for variable in self.variables.values():
             if variable.node == node:
                 found[variable.name] = (Thing("context", variable.name), variable.type)
         task = self.tasks.get(node)
@@ -238,7 +262,7 @@ class World:
 
     def things(self) -> Iterator[Thing]:
         """Yield all that can have writers, in file order."""
-        yield from (Thing("context", each.name) for each in self.spec.context)
+        yield from (Thing("context", name) for name in self.variables)
         for kind in self.spec.types:
             yield Thing("types", kind.name)
             yield from (Thing("types", kind.name, each.name) for each in kind.attributes)

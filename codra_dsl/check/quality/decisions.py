@@ -25,7 +25,7 @@ def unreached_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     }
     for variable in scope.variables.values():
         name = variable.name
-        told = name in of_observers or name in scope.spec.damaged.get("context", ())
+        told = variable.posed is not None or name in of_observers or name in scope.spec.damaged.get("context", ())
         told = told or (name in of_agents and name not in scope.producers)
         if name not in scope.reached and not told and faults.sound("context", name):
             message, way_out = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"

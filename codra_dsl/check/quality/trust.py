@@ -64,7 +64,7 @@ def _trusting(scope: Scope) -> Mapping[str, tuple[Algorithm, Callable[[], Place]
 
 def _goes_stale(scope: Scope, variable: Variable) -> bool:
     """Return whether a variable becomes unknown by itself, or whether nothing can be said about that."""
-    if variable.states_validity:
+    if variable.states_validity or variable.posed is not None:  # that goes stale with its poses
         return True
     forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
     return forgets or not (_others_write(variable) or variable.name in scope.producers)

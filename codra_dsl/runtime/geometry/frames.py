@@ -150,6 +150,23 @@ class Frames:
         _, tracks = self._answer(target, source, instant_s)
         return min((track.newest_s + track.motion.valid_for_s for _, track in tracks), default=math.inf)
 
+    def next_s(self, target: str, source: str, instant_s: float) -> float:
+        """Return when the transform of now is next to be asked again, if nothing more is said; see `Track.next_s`.
+
+        Raises:
+            FrameError: if a frame is unknown, or the two were not connected at the instant.
+        """
+        _, tracks = self._answer(target, source, instant_s)
+        return min((track.next_s(instant_s) for _, track in tracks), default=math.inf)
+
+    def between(self, target: str, source: str, instant_s: float) -> tuple[str, ...]:
+        """Return the frames whose poses the transform between two frames comes from.
+
+        Raises:
+            FrameError: if a frame is unknown, or the two were not connected at the instant.
+        """
+        return tuple(name for name, _ in self._answer(target, source, instant_s)[1])
+
     # Within
 
     def _answer(self, target: str, source: str, instant_s: float) -> _Answer:

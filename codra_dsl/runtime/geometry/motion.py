@@ -41,6 +41,9 @@ class Motion:
 
 ANY_MOTION = Motion()
 
+LOOK_S = 0.01
+"""How often to ask where a frame stands whose motion is taken to go on."""
+
 _MOST_DROPPED = 64
 """Poses in front of the history that lists hold at least until they are copied without them."""
 
@@ -132,6 +135,25 @@ class Track:
             return self._between(last, gap_s)
         return self._beyond(last, gap_s)
 
+    def next_s(self, instant_s: float) -> float:
+        """Return when what is told of the present is next to be asked again though nothing more is said of the frame.
+
+        That is `LOOK_S` later while its motion is taken to go on, and when that or its validity ends; infinite if it
+        stands still for good.
+        """
+        if self._start == self._end or self.motion.is_static or self.parent is None:
+            return math.inf
+        last, motion, newest_s = self._end - 1, self.motion, self.newest_s
+        gap_s = instant_s - newest_s
+        if gap_s >= motion.valid_for_s:
+            return math.inf
+        stale_s = math.inf if motion.valid_for_s == math.inf else _first_at(newest_s, motion.valid_for_s)
+        is_told_to_move = last > self._start and self._goes_on(last - 1) and self._poses[last - 1] != self._poses[last]
+        if gap_s > motion.extrapolate_s or not is_told_to_move:
+            return stale_s
+        stops_s = _first_at(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
+        return min(stale_s, stops_s, instant_s + LOOK_S)
+
     def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
         """Yield the parents from one instant until before another, each with the time for which it was the parent."""
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
@@ -200,3 +222,11 @@ class Track:
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
         if self._start > _MOST_DROPPED and self._start > self._end // 2:
             self._copy(self)
+
+
+def _first_at(stamp_s: float, gap_s: float) -> float:
+    """Return the first instant that is some time after another, by what subtracting them gives."""
+    instant_s = stamp_s + gap_s
+    while instant_s - stamp_s < gap_s:
+        instant_s = math.nextafter(instant_s, math.inf)
+    return instant_s

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, TypeVar
@@ -48,6 +48,7 @@ class Knowledge:
 
     Attributes:
         model: what was declared.
+        moved: is told what each change touched, in the same step; for the context manager.
     """
 
     def __init__(self, model: KnowledgeModel, *, clock: Clock, sharing: Sharing | None = None) -> None:
@@ -75,6 +76,7 @@ class Knowledge:
         self._held: list[Reading[Value]] = []
         self._audit = Audit()
         self._watches = Watches()
+        self.moved: Callable[[Collection[Touched]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
         self._write(START, partial(_begin, self.model))
@@ -183,6 +185,10 @@ class Knowledge:
         self._hold(self._state._replace(version=self._state.version + 1, nodes=nodes))
         self._watches.changed([(node.name, name)])
 
+    def in_step(self) -> Snapshot:
+        """Return the graph as it is at the instant of the present step."""
+        return Snapshot(self._words, self._state, self._steps.now_s())
+
     def take_down(self, agent: str, why: str) -> None:
         """Take down, for the audit, a write of a context-variable that the context has refused and told."""
         self._audit.refuse(Refusal(instant_s=self._now_s(), agent=agent, why=why))
@@ -264,7 +270,7 @@ class Knowledge:
     def _begin_rule(self, agent: str, name: str, lacking: Callable[[Snapshot], str]) -> None:
         """Refuse to begin what a rule does not allow in the present graph."""
         with self._turn:
-            missing = lacking(Snapshot(self._words, self._state, self._steps.now_s()))
+            missing = lacking(self.in_step())
             if missing:
                 why = f"the rule {name!r} of {agent!r} cannot begin: {missing}"
                 self._refuse(agent, Refused(f"{agent}.{name}", why))
@@ -329,6 +335,8 @@ class Knowledge:
                     self._commit(draft, operations, sharing)
                 for instant_s, handover in draft.deadlines:
                     self._steps.call_at(instant_s, partial(self._expire, handover.task))
+                if self.moved is not None:
+                    self.moved(draft.touched)
                 self._watches.changed(draft.touched)
                 self._clock.notify()
         return result

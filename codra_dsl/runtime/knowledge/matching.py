@@ -78,6 +78,18 @@ def reads(words: Words, patterns: Iterable[Pattern]) -> frozenset[Touched]:
     return frozenset(read)
 
 
+def truth(snapshot: Snapshot, term: Term) -> bool | None:
+    """Return what a condition comes to in a graph that calls no node by another name; None if that is unknown."""
+    found = term.evaluate(_Scope(snapshot, {}))
+    return found if isinstance(found, bool) else None
+
+
+def asked_of(term: Term) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of nodes of which a condition asks where one stands to the other."""
+    calls = (_CALL.fullmatch(name) for name in sorted(term.variables()))
+    return tuple(dict.fromkeys((call[2], call[3]) for call in calls if call is not None))
+
+
 def next_s(snapshot: Snapshot, words: Words, patterns: Sequence[Pattern]) -> float:
     """Return when patterns can next hold in other ways though nothing is written; infinite if never."""
     terms = [each for each in patterns if isinstance(each, Term)]

@@ -262,6 +262,18 @@ class Snapshot:
             return math.inf
         return until_s if until_s > self.instant_s else math.inf
 
+    def next_s(self, a: str, b: str) -> float:
+        """Return when what poses tell of two nodes is next to be asked again; it raises what `transform` does."""
+        return self._state.frames.next_s(a, b, self.instant_s)
+
+    def frames_between(self, a: str, b: str) -> tuple[str, ...]:
+        """Return the nodes from whose poses it follows where two stand; it raises what `transform` does."""
+        return self._state.frames.between(a, b, self.instant_s)
+
+    def measured_s(self, name: str) -> float:
+        """Return when the newest pose of a node was measured; it raises what `parent` does."""
+        return self._state.frames.track(name).newest_s
+
     def _keys(self, types: frozenset[str] | None, origin: str, target: str) -> Iterable[EdgeKey]:
         if origin:
             return self.keys_from(origin)

@@ -96,6 +96,7 @@ class Words:
         Raises:
             ValueError: if a name is declared twice, or is one that tasks bring along.
         """
+        variables = [each for each in variables if each.posed is None]  # the others follow from the graph
         self.variables: Mapping[str, str] = nodes_of_variables(model, variables)
         self.nodes_of_context = frozenset(self.variables.values())
         self.model = model = _with_context_node(model, self.variables)
@@ -183,10 +184,13 @@ def _with_context_node(model: KnowledgeModel, variables: Mapping[str, str]) -> K
 
 
 def nodes_of_variables(model: KnowledgeModel, variables: Sequence[VariableModel]) -> Mapping[str, str]:
-    """Return, by context-variable, its node: the one that declares it as an attribute of its own, or `context`."""
+    """Return, by context-variable, its node: the one that declares it as an attribute of its own, or `context`.
+
+    Those that follow from poses are attributes of none.
+    """
     owners: tuple[NodeModel | TaskModel, ...] = (*model.nodes, *model.tasks)
     declared = {attribute.name: owner.name for owner in owners for attribute in owner.attributes}
-    return {variable.name: declared.get(variable.name, CONTEXT) for variable in variables}
+    return {each.name: declared.get(each.name, CONTEXT) for each in variables if each.posed is None}
 
 
 def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Mapping[str, Mapping[str, Attribute]]:

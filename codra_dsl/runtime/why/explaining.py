@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.declarations import POSES
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.outline import AlgorithmOutline, Outline, Rule
 from codra_dsl.runtime.why.adapting import adapting, explain_course
-from codra_dsl.runtime.why.knowing import explain_knowledge
+from codra_dsl.runtime.why.knowing import explain_knowledge, poses_between
 from codra_dsl.runtime.why.story import doing, story
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
 from codra_dsl.runtime.why.wanting import wanted
@@ -117,6 +118,7 @@ class _Explanation:
         look = self._look(name, then, (*path, name)) if reading.known else None
         ways = tuple(self._way(each, then, (*path, name)) for each in self._outline.algorithms_of(name))
         is_asked = not path
+        poses = self._poses(name, then) if POSES in model.sources else ()
         return Why(
             at_s=at_s,
             reading=reading,
@@ -124,6 +126,7 @@ class _Explanation:
             place=place,
             story=tuple(story(name, reading, then.ledger, self._outline)),
             look=look,
+            poses=poses,
             ways=ways if not reading.known or (is_asked and _are_blocked(ways)) else (),
             missing=tuple(self._missing(name, then, ways)) if is_asked else (),
         )
@@ -152,6 +155,16 @@ class _Explanation:
             under=tuple(self._condition(each, self._then(stamp_s), path) for each in algorithm.conditions),
             place=rule.place,
         )
+
+    def _poses(self, name: str, then: _Then) -> tuple[Why, ...]:
+        """Explain the edges from whose poses it follows what a variable is."""
+        found: list[Why] = []
+        for edge in poses_between(then.ledger, name):
+            why = explain_knowledge(self._outline, then.ledger, edge, then.at_s)
+            told = (edge, id(then.ledger.knowledge[edge]["placed"]))
+            found.append(replace(why, story=(), is_told=True) if told in self._told else why)
+            self._told.add(told)
+        return tuple(found)
 
     def _condition(self, rule: Rule, then: _Then, path: tuple[str, ...]) -> Condition:
         found = rule.term.evaluate(then)
@@ -199,7 +212,7 @@ class _Explanation:
         """Yield what keeps a variable from being observed: of the way that lacks least, and its observer."""
         observer = self._outline.observer_of(name)
         if observer is None:
-            if not then.reading(name).known:
+            if not then.reading(name).known and POSES not in self._outline.variables[name].sources:
                 sources = " or ".join(self._outline.variables[name].sources)
                 yield Missing(variable=name, condition=f"for {sources} to write")
             return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 
 from codra_dsl.logic import Value
@@ -23,6 +24,8 @@ _DOING = {
 }
 _STEPS = {"wants": "asked for", "is": "begun", "finished": "finished", "aborted": "aborted"}
 
+_ASKED = re.compile(r"\b(?:distance|in_view)\((\w+), (\w+)\)")
+
 _Past = Mapping[str, Event]
 """The last event of each kind that became of one thing, the latest last."""
 
@@ -39,6 +42,43 @@ def explain_knowledge(outline: Outline, ledger: Ledger, name: str, at_s: float) 
     unit = str(past["written"].details.get("unit") or "") if "written" in past else ""
     story = tuple(_story(past))
     return Why(at_s=at_s, reading=reading, unit=unit, place=_place(name, past, outline), story=story)
+
+
+def poses_between(ledger: Ledger, condition: str) -> tuple[str, ...]:
+    """Return the edges with poses from which it follows what a comparison with poses comes to, each once.
+
+    Args:
+        ledger: what had happened.
+        condition: the comparison, e.g. `distance(a, b) < 0.9 m`.
+    """
+    standing = {
+        edge.partition("-> ")[2]: edge for edge, past in sorted(ledger.knowledge.items(), key=_drawn) if _stands(past)
+    }
+    found: dict[str, None] = {}
+    for first, second in _ASKED.findall(condition):
+        one, other = _climbed(standing, first), _climbed(standing, second)
+        found |= dict.fromkeys(edge for edge in (*one, *other) if not (edge in one and edge in other))
+    return tuple(found)
+
+
+def _climbed(standing: Mapping[str, str], node: str) -> list[str]:
+    """Return the edges from a node up to what stands in nothing."""
+    found: list[str] = []
+    while node in standing and standing[node] not in found:
+        found.append(standing[node])
+        node = found[-1].partition(" -")[0]
+    return found
+
+
+def _stands(past: _Past) -> bool:
+    """Return whether an edge has a pose and is there."""
+    if "placed" not in past or "edge_inserted" not in past:
+        return False
+    return "edge_deleted" not in past or _order(past["edge_deleted"]) < _order(past["edge_inserted"])
+
+
+def _drawn(entry: tuple[str, _Past]) -> tuple[float, int]:
+    return _order(entry[1]["edge_inserted"]) if "edge_inserted" in entry[1] else (-math.inf, 0)
 
 
 def _named(ledger: Ledger, name: str) -> str:

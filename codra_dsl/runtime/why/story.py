@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.declarations import POSES
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.outline import AlgorithmOutline, Outline
@@ -36,6 +37,9 @@ def story(name: str, reading: Reading[Value], ledger: Ledger, outline: Outline) 
 def _of_value(reading: Reading[Value], outline: Outline) -> Iterator[str]:
     if reading.source in outline.algorithms:
         yield f"identified at {instant(reading.identified_s)} from evidence taken at {instant(reading.evidence_s)}"
+    elif reading.source == POSES:
+        learned = "" if reading.evidence_s == reading.identified_s else f", learned at {instant(reading.identified_s)}"
+        yield f"so by poses since {instant(reading.evidence_s)}{learned}"
     else:
         who = reading.source if reading.source == MAIN else f"agent {reading.source}"
         taken = f", from evidence taken at {instant(reading.evidence_s)}"
@@ -49,6 +53,8 @@ def _of_unknown(reading: Reading[Value], ledger: Ledger, outline: Outline) -> It
     name, since = reading.name, instant(reading.identified_s) if reading.identified_s > -math.inf else ""
     before = ledger.known.get(name)
     match reading.reason:
+        case _ if reading.source == POSES:
+            yield f"so since {since}: {reading.detail}"
         case Reason.NEVER_OBSERVED:
             sources = " or ".join(outline.variables[name].sources)
             is_observed = outline.observer_of(name) is not None

@@ -116,6 +116,7 @@ class Why:
         place: of its declaration.
         story: how it came to that, in sentences.
         look: the job that the value comes from, if it was one.
+        poses: the edges with poses from which it follows, if it follows from poses.
         ways: the algorithms that identify it, by rank; none, if it is for others to write.
         missing: what keeps it from being observed at that instant, known or not: of the way that lacks least.
         is_told: whether it is told elsewhere in the same explanation; then nothing more is said here.
@@ -127,6 +128,7 @@ class Why:
     place: Place | None = None
     story: tuple[str, ...] = ()
     look: Look | None = None
+    poses: tuple[Why, ...] = ()
     ways: tuple[Way, ...] = ()
     missing: tuple[Missing, ...] = ()
     is_told: bool = False
@@ -155,6 +157,8 @@ def _lines_of(why: Why) -> Iterator[str]:
         yield f"{_INDENT}{sentence}"
     if why.look is not None:
         yield from _indented(_lines_of_look(why.look))
+    for pose in why.poses:
+        yield from _indented(_lines_of(pose))
     for way in why.ways:
         yield from _indented(_lines_of_way(way))
     if why.missing:
