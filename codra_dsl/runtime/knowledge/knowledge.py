@@ -70,7 +70,7 @@ class Knowledge:
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
         self._steps: Clock = clock if sharing is None else sharing.steps
         self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
-        self._state = State()
+        self._state = State.empty()
         self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
         self._held: list[Reading[Value]] = []
         self._audit = Audit()
