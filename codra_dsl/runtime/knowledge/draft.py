@@ -16,8 +16,8 @@ from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
 from codra_dsl.runtime.model import NotOfTypeError, text
 
-_NAME = text()
-"""What a name must be so that it can be written down."""
+_convert_name = text().converter()
+"""Takes a name if it can be written down."""
 
 _GONE_S = 10.0
 """How long the poses of a deleted node are told, if its edge did not declare how far back they are."""
@@ -129,7 +129,7 @@ class Draft:
             node_type.rights.refuse(self.agent, f"nodes of type {type_name}")
         if not isinstance(name, str) or not name:
             raise ValueError(f"a node has a name, not {name!r}")
-        _NAME.convert(name)
+        _convert_name(name)
         if self.has_node(name):
             raise PresentError(f"there is a node {name!r} already")
         number = self._next_number
@@ -182,10 +182,12 @@ class Draft:
 
     def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node, whoever may."""
-        attribute = declared.model.name
-        reading, history = self._written(node.histories.get(attribute), declared, node.name, value, evidence_s)
         name, type_name, number, histories, writer, since_s = node
-        self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: history}, writer, since_s)
+        attribute = declared.model.name
+        history = histories.get(attribute)
+        reading = self._reading(history, declared, name, value, evidence_s)
+        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
+        self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: longer}, writer, since_s)
         self.touched.append((name, attribute))
         if declared.variable:
             self.shared.append(reading)
@@ -254,8 +256,10 @@ class Draft:
         declared = self.words.attribute_of_edge(edge, attribute)
         subject = str(edge)
         declared.rights.check(self.agent, f"{subject}.{attribute}")
-        reading, history = self._written(edge.histories.get(attribute), declared, subject, value, evidence_s)
-        self._new_edges[edge.key] = edge._replace(histories={**edge.histories, attribute: history})
+        history = edge.histories.get(attribute)
+        reading = self._reading(history, declared, subject, value, evidence_s)
+        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
+        self._new_edges[edge.key] = edge._replace(histories={**edge.histories, attribute: longer})
         self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
@@ -353,30 +357,29 @@ class Draft:
 
     # Within
 
-    def _written(
+    def _reading(
         self, history: History | None, declared: Attribute, subject: str, value: object, evidence_s: float | None
-    ) -> tuple[Reading[Value], History]:
-        """Return what is written now, and the history of the attribute with it; None and NaN are unknown."""
-        model, now_s = declared.model, self.now_s
+    ) -> Reading[Value]:
+        """Return what is written now, if it may be after what was; None and NaN are unknown."""
+        now_s, agent = self.now_s, self.agent
         try:
-            content = None if value is None else model.type.convert(value)
+            content = None if value is None else declared.convert(value)
         except NotOfTypeError as error:
-            raise NotOfTypeError(f"{subject}.{model.name}: {error}") from None
+            raise NotOfTypeError(f"{subject}.{declared.model.name}: {error}") from None
         if evidence_s is None:
             evidence_s = now_s
         elif not evidence_s <= now_s:
-            raise ValueError(
-                f"evidence for {subject}.{model.name} was taken at {now_s} at the latest, not at {evidence_s}"
-            )
+            told = f"{subject}.{declared.model.name}"
+            raise ValueError(f"evidence for {told} was taken at {now_s} at the latest, not at {evidence_s}")
+        else:
+            evidence_s = float(evidence_s)
         if history is None:
-            history = History()
-        elif declared.rights.is_ranked and self.agent != history.present.source and history.present.at(now_s).known:
-            declared.rights.check_rank(self.agent, history.present.source, f"{subject}.{model.name}")
-        reading = self._reading(declared, subject, content, float(evidence_s))
-        return reading, history.with_reading(reading, model.history)
-
-    def _reading(self, declared: Attribute, subject: str, content: Value | None, evidence_s: float) -> Reading[Value]:
-        name, now_s = declared.variable or f"{subject}.{declared.model.name}", self.now_s
+            name = declared.variable or f"{subject}.{declared.model.name}"
+        else:
+            before = history.present
+            name = before.name
+            if before.source != agent and declared.rights.is_ranked and before.at(now_s).known:
+                declared.rights.check_rank(agent, before.source, f"{subject}.{declared.model.name}")
         if content is None:
             return Reading(
                 name=name,
@@ -384,10 +387,11 @@ class Draft:
                 evidence_s=evidence_s,
                 start_s=evidence_s,
                 identified_s=now_s,
-                source=self.agent,
+                source=agent,
             )
-        expires_s = evidence_s + declared.model.valid_for_s
-        return known_reading(name, content, evidence_s, evidence_s, now_s, expires_s, self.agent)
+        return known_reading(
+            name, content, evidence_s, evidence_s, now_s, evidence_s + declared.model.valid_for_s, agent
+        )
 
     def _add_edge(self, edge: Edge) -> None:
         origin, label, target, type_name, *_ = edge
