@@ -71,6 +71,23 @@ class ValueType:
             self._check_bounds(converted)
         return converted
 
+    def converter(self) -> Callable[[object], Value | None]:
+        """Return `convert`, ready for very many values: one that is plainly of this type is only held to its bounds."""
+        convert, (low, high) = self.convert, self.range or (-math.inf, math.inf)
+        plain: frozenset[object] = frozenset(self.members)
+
+        def whole(given: object) -> Value | None:
+            return given if given.__class__ is int and least <= given <= most else convert(given)
+
+        def real(given: object) -> Value | None:
+            return given if given.__class__ is float and low <= given <= high else convert(given)
+
+        def member(given: object) -> Value | None:
+            return given if given.__class__ is str and given in plain else convert(given)
+
+        least, most = max(low, -MAX_WHOLE), min(high, MAX_WHOLE)
+        return {"int": whole, "float": real, "enum": member}.get(self.kind, convert)
+
     def _number(self, plain: bool | int | float) -> bool | int | float | None:
         if isinstance(plain, int) and abs(plain) > MAX_WHOLE:
             raise NotOfTypeError(f"{_shown(plain)} is too large")

@@ -5,98 +5,153 @@ A reader that holds one sees one state for as long as it likes, without a lock a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Generic, TypeVar, cast
 
 KeyT = TypeVar("KeyT")
 ValueT = TypeVar("ValueT")
-DefaultT = TypeVar("DefaultT")
 
-_MOST_IN_BUCKET = 64
-"""Entries in an average bucket; then there are four times as many buckets."""
+_MOST_STEPS = 32
+"""Changes through which a reader of an old mapping goes at most; then that mapping gets entries of its own."""
 
-_MOST_BUCKETS = 1024
-
-_ABSENT: Any = object()
+_MOST_CHANGES = 1_000
+"""Changes of one dictionary, beyond as many as it has entries, until it is copied: an old mapping that somebody holds
+keeps what was changed after it from being forgotten, up to there."""
 
 
 class PersistentMap(Generic[KeyT, ValueT]):
-    """A mapping of which each change makes another mapping; it has no order that means anything.
+    """A mapping of which each change makes another mapping; it has no order that means anything, and no value is None.
 
-    Entries stand in buckets by their hash. A change copies one bucket and the list of buckets, all else is shared: with
-    ten thousand entries that is three hundred references, not ten thousand.
+    Only the newest has a dictionary: each one before it knows what was different in it, and which came after. So a
+    change costs the same however many entries there are, and what was written last is read at once.
+
+    Threads may read all of them while one thread changes the newest. Who reads it makes sure afterwards that it still
+    is: what makes it an old one comes before its dictionary is changed. Changing an old one copies it.
     """
 
-    __slots__ = ("_buckets", "_count", "_mask")
+    __slots__ = ("_before", "_changes", "_entries", "_later", "_own")
+
+    _before: dict[KeyT, ValueT | None]
+    """Of an old one: what the next has changed, as it is here."""
+
+    _own: dict[KeyT, ValueT] | None
+    """Of an old one: all its entries, once somebody has read much of it."""
 
     def __init__(self) -> None:
         """Make an empty mapping."""
-        self._buckets: list[dict[KeyT, ValueT]] = [{}]
-        self._mask = 0
-        self._count = 0
+        self._entries: dict[KeyT, ValueT] = {}
+        self._later: PersistentMap[KeyT, ValueT] | None = None
+        self._changes = 0
+
+    def get(self, key: KeyT) -> ValueT | None:
+        """Return the value of a key, or None."""
+        if self._later is None:
+            found = self._entries.get(key)
+            if self._later is None:
+                return found
+        return self._as_it_was(key)
 
     def __getitem__(self, key: KeyT) -> ValueT:
-        return self._buckets[hash(key) & self._mask][key]
+        found = self.get(key)
+        if found is None:
+            raise KeyError(key)
+        return found
 
     def __contains__(self, key: object) -> bool:
-        return key in self._buckets[hash(key) & self._mask]
+        return self.get(cast("KeyT", key)) is not None
 
     def __len__(self) -> int:
-        return self._count
+        if self._later is None:
+            count = len(self._entries)
+            if self._later is None:
+                return count
+        return len(self._whole())
 
     def __iter__(self) -> Iterator[KeyT]:
-        for bucket in self._buckets:
-            yield from bucket
-
-    def get(self, key: KeyT, default: DefaultT = None) -> ValueT | DefaultT:  # type: ignore[assignment]
-        """Return the value of a key, or the default."""
-        return self._buckets[hash(key) & self._mask].get(key, default)
+        return iter(self._whole())
 
     def values(self) -> Iterator[ValueT]:
         """Yield all values."""
-        for bucket in self._buckets:
-            yield from bucket.values()
-
-    def items(self) -> Iterator[tuple[KeyT, ValueT]]:
-        """Yield all keys, each with its value."""
-        for bucket in self._buckets:
-            yield from bucket.items()
+        return iter(self._whole().values())
 
     def with_entry(self, key: KeyT, value: ValueT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping with a key that has this value."""
-        place = hash(key) & self._mask
-        bucket = self._buckets[place].copy()
-        before = len(bucket)
-        bucket[key] = value
-        return self._with_bucket(place, bucket, len(bucket) - before)
+        """Return the mapping with a key that has this value; one thread at a time may do so."""
+        return self.with_changes({key: value})
 
     def without(self, key: KeyT) -> PersistentMap[KeyT, ValueT]:
-        """Return the mapping without a key; the same if it has none."""
-        place = hash(key) & self._mask
-        bucket = self._buckets[place]
-        if key not in bucket:
-            return self
-        bucket = bucket.copy()
-        del bucket[key]
-        return self._with_bucket(place, bucket, -1)
+        """Return the mapping without a key; the same if it has none. One thread at a time may do so."""
+        return self.with_changes({key: None}) if key in self else self
 
-    def _with_bucket(self, place: int, bucket: dict[KeyT, ValueT], more: int) -> PersistentMap[KeyT, ValueT]:
+    def with_changes(self, changes: Mapping[KeyT, ValueT | None]) -> PersistentMap[KeyT, ValueT]:
+        """Return the mapping with new values of some keys, and without those whose value is None.
+
+        One thread at a time may do so.
+        """
+        entries = self._entries
         made: PersistentMap[KeyT, ValueT] = _new(PersistentMap)
-        made._buckets = buckets = self._buckets.copy()
-        buckets[place] = bucket
-        made._mask = self._mask
-        made._count = count = self._count + more
-        if count > len(buckets) * _MOST_IN_BUCKET and len(buckets) < _MOST_BUCKETS:
-            made._spread()
+        made._later = None
+        if self._later is None and self._changes <= len(entries) + _MOST_CHANGES:
+            before: dict[KeyT, ValueT | None] = {}
+            for key in changes:
+                before[key] = entries.get(key)
+            self._before, self._own = before, None
+            made._entries, made._changes = entries, self._changes + len(changes)
+            self._later = made  # from here on its readers look at what was before
+        else:
+            entries = dict(self._whole())
+            made._entries, made._changes = entries, 0
+        _change(entries, changes)
         return made
 
-    def _spread(self) -> None:
-        """Divide the entries among four times as many buckets; nobody else has seen this mapping yet."""
-        wide: list[dict[KeyT, ValueT]] = [{} for _ in range(4 * len(self._buckets))]
-        self._mask = mask = len(wide) - 1
-        for key, value in self.items():
-            wide[hash(key) & mask][key] = value
-        self._buckets = wide
+    def _as_it_was(self, key: KeyT) -> ValueT | None:
+        """Return the value of a key that this mapping had when it was the newest."""
+        version, steps = self, 0
+        while True:
+            later = version._later
+            if later is None:
+                found = version._entries.get(key)
+                if version._later is None:
+                    return found
+            elif version._own is not None:
+                return version._own.get(key)
+            elif key in version._before:
+                return version._before[key]
+            elif steps > _MOST_STEPS:
+                return self._whole().get(key)
+            else:
+                version, steps = later, steps + 1
+
+    def _whole(self) -> Mapping[KeyT, ValueT]:
+        """Return all entries, which do not change."""
+        version: PersistentMap[KeyT, ValueT] = self
+        passed: list[PersistentMap[KeyT, ValueT]] = []
+        while True:
+            later = version._later
+            if later is None:
+                entries = version._entries.copy()
+                if version._later is None:
+                    break
+            elif version._own is not None:
+                if version is self:
+                    return version._own
+                entries = version._own.copy()
+                break
+            else:
+                passed.append(version)
+                version = later
+        for version in reversed(passed):
+            _change(entries, version._before)
+        if passed:
+            self._own = entries
+        return entries
+
+
+def _change(entries: dict[KeyT, ValueT], changes: Mapping[KeyT, ValueT | None]) -> None:
+    for key, value in changes.items():
+        if value is None:
+            entries.pop(key, None)
+        else:
+            entries[key] = value
 
 
 _new: Callable[[type[PersistentMap[Any, Any]]], PersistentMap[Any, Any]] = object.__new__

@@ -11,14 +11,13 @@ from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.geometry import Outcome, Pose
 from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
-from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, NO_LINKS, Edge, EdgeKey, History, Links, Node
+from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
 from codra_dsl.runtime.model import NotOfTypeError, text
-from codra_dsl.runtime.persistent import PersistentMap
 
-_NAME = text()
-"""What a name must be so that it can be written down."""
+_convert_name = text().converter()
+"""Takes a name if it can be written down."""
 
 _GONE_S = 10.0
 """How long the poses of a deleted node are told, if its edge did not declare how far back they are."""
@@ -57,16 +56,16 @@ class Draft:
     """
 
     __slots__ = (
+        "_directory",
         "_edges",
         "_frames",
         "_gone",
         "_handovers",
-        "_links",
+        "_new_edges",
+        "_new_nodes",
         "_next_number",
         "_nodes",
-        "_of_type",
         "_version",
-        "_words",
         "agent",
         "deadlines",
         "notes",
@@ -74,41 +73,42 @@ class Draft:
         "operation",
         "shared",
         "touched",
+        "words",
     )
 
     def __init__(self, words: Words, state: State, now_s: float, agent: str, notes: list[Note] | None = None) -> None:
-        self._words = words
+        self.words = words
         (
             self._version,
             self._next_number,
             self._nodes,
             self._edges,
-            self._links,
-            self._of_type,
+            self._directory,
             self._frames,
             self._handovers,
             self._gone,
         ) = state
+        self._new_nodes: dict[str, Node | None] = {}
+        self._new_edges: dict[EdgeKey, Edge | None] = {}
         self.agent = agent
         self.now_s = now_s
-        self.touched: set[Touched] = set()
+        self.touched: list[Touched] = []
         self.deadlines: list[tuple[float, Handover]] = []
         self.shared: list[Reading[Value]] = []
         self.notes = notes
         self.operation: Any = None
 
     def state(self) -> State:
-        """Return the state that the changes make."""
+        """Return the state that the changes make; once, and only of a draft that began as the present state."""
+        nodes, edges, directory = self._nodes, self._edges, self._directory
+        if self._new_nodes:
+            nodes = nodes.with_changes(self._new_nodes)
+        if self._new_edges:
+            edges = edges.with_changes(self._new_edges)
+        if directory.is_full:
+            directory = directory.renewed(nodes, edges)
         return State(
-            self._version + 1,
-            self._next_number,
-            self._nodes,
-            self._edges,
-            self._links,
-            self._of_type,
-            self._frames,
-            self._handovers,
-            self._gone,
+            self._version + 1, self._next_number, nodes, edges, directory, self._frames, self._handovers, self._gone
         )
 
     def is_of(self, state: State) -> bool:
@@ -124,19 +124,19 @@ class Draft:
 
     def insert_node(self, name: str, type_name: str, values: Mapping[str, object]) -> None:
         """Insert a node."""
-        node_type = self._words.node_type(type_name)
-        node_type.rights.check(self.agent, "nodes of type ", type_name)
+        node_type = self.words.node_type(type_name)
+        if self.agent not in node_type.rights.writers:
+            node_type.rights.refuse(self.agent, f"nodes of type {type_name}")
         if not isinstance(name, str) or not name:
             raise ValueError(f"a node has a name, not {name!r}")
-        _NAME.convert(name)
-        if name in self._nodes:
+        _convert_name(name)
+        if self.has_node(name):
             raise PresentError(f"there is a node {name!r} already")
         number = self._next_number
         self._next_number = number + 1
-        self._nodes = self._nodes.with_entry(name, Node(name, type_name, number, NO_HISTORIES, self.agent, self.now_s))
-        same = self._of_type.get(type_name) or PersistentMap()
-        self._of_type = self._of_type.with_entry(type_name, same.with_entry(name, None))
-        self.touched.add(("node", type_name))
+        self._new_nodes[name] = Node(name, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        self._directory.add_node(name, type_name)
+        self.touched.append(("node", type_name))
         if self.notes is not None:
             self._note(name, "node_inserted", type=type_name)
         for attribute, value in values.items():
@@ -145,33 +145,29 @@ class Draft:
     def delete_node(self, name: str) -> None:
         """Delete a node and all edges to and from it; its poses are told as far back as they are kept."""
         node = self.node(name)
-        rights = self._words.node_type(node.type).rights
-        rights.check(self.agent, "nodes of type ", node.type)
-        if name in self._words.nodes_of_context:
+        rights = self.words.node_type(node.type).rights
+        rights.check(self.agent, f"nodes of type {node.type}")
+        if name in self.words.nodes_of_context:
             raise NotASourceError(f"{name!r} stays: context-variables are attributes of it")
         if rights.is_ranked:
             rights.check_rank(self.agent, node.writer, name)
-        links = self._links.get(name, NO_LINKS)
-        for key in sorted([*links.out, *links.into]):
-            if key in self._edges:  # one to itself is among both
-                self._remove_edge(self._edges[key])
-        self._nodes = self._nodes.without(name)
-        self._links = self._links.without(name)
-        self._of_type = self._of_type.with_entry(node.type, self._of_type[node.type].without(name))
+        for key in sorted({*self._directory.out(name), *self._directory.into(name)}):
+            self.remove(key)
+        self._new_nodes[name] = None
         if name in self._frames:
             self._end_frame(name)
-        self.touched.add(("node", node.type))
-        self.touched.update((name, attribute) for attribute in node.histories)
+        self.touched.append(("node", node.type))
+        self.touched.extend((name, attribute) for attribute in node.histories)
         if self.notes is not None:
             self._note(name, "node_deleted", type=node.type)
 
     def has_node(self, name: str) -> bool:
         """Return whether there is a node in the draft."""
-        return name in self._nodes
+        return (self._new_nodes[name] if name in self._new_nodes else self._nodes.get(name)) is not None
 
     def node(self, name: str) -> Node:
         """Return a node as it is in the draft."""
-        found = self._nodes.get(name)
+        found = self._new_nodes[name] if name in self._new_nodes else self._nodes.get(name)
         if found is None:
             raise AbsentError(f"there is no node {name!r}")
         return found
@@ -179,18 +175,20 @@ class Draft:
     def set(self, name: str, attribute: str, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node."""
         node = self.node(name)
-        declared = self._words.attribute(node, attribute)
-        declared.rights.check(self.agent, name, ".", attribute)
+        declared = self.words.attribute(node, attribute)
+        if self.agent not in declared.rights.writers:
+            declared.rights.refuse(self.agent, f"{name}.{attribute}")
         self.write(node, declared, value, evidence_s)
 
     def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node, whoever may."""
+        name, type_name, number, histories, writer, since_s = node
         attribute = declared.model.name
-        reading, history = self._written(node.histories.get(attribute), declared, node.name, value, evidence_s)
-        histories = {**node.histories, attribute: history}
-        name, type_name, number, _, writer, since_s = node
-        self._nodes = self._nodes.with_entry(name, Node(name, type_name, number, histories, writer, since_s))
-        self.touched.add((name, attribute))
+        history = histories.get(attribute)
+        reading = self._reading(history, declared, name, value, evidence_s)
+        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
+        self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: longer}, writer, since_s)
+        self.touched.append((name, attribute))
         if declared.variable:
             self.shared.append(reading)
         elif self.notes is not None:
@@ -200,8 +198,8 @@ class Draft:
 
     def insert_edge(self, origin: str, type_name: str, target: str, values: Mapping[str, object]) -> None:
         """Insert an edge that is a symbol, or write attributes of the one that is there."""
-        edge_type = self._words.edge_type(type_name)
-        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        edge_type = self.words.edge_type(type_name)
+        edge_type.rights.check(self.agent, f"edges of type {type_name}")
         if edge_type.model.motion is not None:
             raise ValueError(f"an edge of type {type_name!r} has a pose: place {target!r} in {origin!r}")
         self.draw(edge_type, origin, target)
@@ -212,13 +210,13 @@ class Draft:
         """Insert an edge, whoever may, or say of the one that is there who wrote it last."""
         label, type_name = edge_type.label, edge_type.model.name
         key = (origin, label, target)
-        known = self._edges.get(key)
+        known = self._edge_at(key)
         if known is not None and known.type == type_name:
             if known.writer != self.agent:
                 if edge_type.rights.is_ranked:
                     edge_type.rights.check_rank(self.agent, known.writer, str(known))
-                self._edges = self._edges.with_entry(key, known._replace(writer=self.agent))
-                self.touched.add(("edge", type_name))
+                self._new_edges[key] = known._replace(writer=self.agent)
+                self.touched.append(("edge", type_name))
                 if self.notes is not None:
                     self._note_edge(known, "edge_inserted")
             return
@@ -236,8 +234,8 @@ class Draft:
 
     def delete_edge(self, origin: str, type_name: str, target: str) -> None:
         """Delete an edge; a node that had a pose by it stands nowhere from now on."""
-        edge_type = self._words.edge_type(type_name)
-        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        edge_type = self.words.edge_type(type_name)
+        edge_type.rights.check(self.agent, f"edges of type {type_name}")
         edge = self.edge(origin, type_name, target)
         if edge_type.rights.is_ranked:
             edge_type.rights.check_rank(self.agent, edge.writer, str(edge))
@@ -245,7 +243,7 @@ class Draft:
 
     def edge(self, origin: str, type_name: str, target: str) -> Edge:
         """Return an edge as it is in the draft."""
-        found = self._edges.get((origin, self._words.edge_type(type_name).label, target))
+        found = self._edge_at((origin, self.words.edge_type(type_name).label, target))
         if found is None or found.type != type_name:
             raise AbsentError(f"there is no edge {origin} -{type_name}-> {target}")
         return found
@@ -255,23 +253,29 @@ class Draft:
     ) -> None:
         """Write an attribute of an edge."""
         edge = self.edge(origin, type_name, target)
-        declared = self._words.attribute_of_edge(edge, attribute)
-        declared.rights.check(self.agent, str(edge), ".", attribute)
+        declared = self.words.attribute_of_edge(edge, attribute)
         subject = str(edge)
-        reading, history = self._written(edge.histories.get(attribute), declared, subject, value, evidence_s)
-        self._edges = self._edges.with_entry(edge.key, edge._replace(histories={**edge.histories, attribute: history}))
-        self.touched.add(("edge", type_name))
+        declared.rights.check(self.agent, f"{subject}.{attribute}")
+        history = edge.histories.get(attribute)
+        reading = self._reading(history, declared, subject, value, evidence_s)
+        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
+        self._new_edges[edge.key] = edge._replace(histories={**edge.histories, attribute: longer})
+        self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
+    def _edge_at(self, key: EdgeKey) -> Edge | None:
+        return self._new_edges[key] if key in self._new_edges else self._edges.get(key)
+
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it is there, whoever may."""
-        if key in self._edges:
-            self._remove_edge(self._edges[key])
+        edge = self._edge_at(key)
+        if edge is not None:
+            self._remove_edge(edge)
 
     def begin_edge(self, model: EdgeModel) -> None:
         """Insert an edge that is there from the start; a pose holds from then on."""
-        if self._words.edge_type(model.type).model.motion is None:
+        if self.words.edge_type(model.type).model.motion is None:
             self.insert_edge(model.origin, model.type, model.target, model.values)
             return
         self.place(model.origin, model.type, model.target, model.pose, None)
@@ -282,8 +286,8 @@ class Draft:
 
     def place(self, origin: str, type_name: str, target: str, pose: Pose, stamp_s: float | None) -> None:
         """Say where a node stands in another, from an instant on."""
-        edge_type = self._words.edge_type(type_name)
-        edge_type.rights.check(self.agent, "edges of type ", type_name)
+        edge_type = self.words.edge_type(type_name)
+        edge_type.rights.check(self.agent, f"edges of type {type_name}")
         motion = edge_type.model.motion
         if motion is None:
             raise ValueError(f"an edge of type {type_name!r} is a symbol and has no pose")
@@ -297,7 +301,7 @@ class Draft:
             self._place_anew(edge_type, origin, target, pose, stamp_s, before)
         else:
             self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
-        self.touched.add(("frame", target))
+        self.touched.append(("frame", target))
         if self.notes is not None:
             told = {"translation_m": list(pose.translation_m), "rotation": list(pose.rotation)}
             self._note(f"{origin} -{type_name}-> {target}", "placed", label=RT, evidence_s=stamp_s, **told)
@@ -327,7 +331,7 @@ class Draft:
         if target not in self._frames:
             return None
         parent = self._frames.track(target).parent
-        return None if parent is None else self._edges.get((parent, RT, target))
+        return None if parent is None else self._edge_at((parent, RT, target))
 
     def _end_frame(self, name: str) -> None:
         """Let a node that is deleted stand nowhere from now on."""
@@ -342,7 +346,7 @@ class Draft:
         """Forget the poses of nodes that were deleted too long ago; return the others and when they were."""
         told: dict[str, float] = {}
         for name, gone_s in self._gone.items():
-            if name in self._nodes:
+            if self.has_node(name):
                 continue
             history_s = self._frames.track(name).motion.history_s
             if gone_s < self.now_s - (history_s if history_s < math.inf else _GONE_S):
@@ -353,30 +357,29 @@ class Draft:
 
     # Within
 
-    def _written(
+    def _reading(
         self, history: History | None, declared: Attribute, subject: str, value: object, evidence_s: float | None
-    ) -> tuple[Reading[Value], History]:
-        """Return what is written now, and the history of the attribute with it; None and NaN are unknown."""
-        model, now_s = declared.model, self.now_s
+    ) -> Reading[Value]:
+        """Return what is written now, if it may be after what was; None and NaN are unknown."""
+        now_s, agent = self.now_s, self.agent
         try:
-            content = None if value is None else model.type.convert(value)
+            content = None if value is None else declared.convert(value)
         except NotOfTypeError as error:
-            raise NotOfTypeError(f"{subject}.{model.name}: {error}") from None
+            raise NotOfTypeError(f"{subject}.{declared.model.name}: {error}") from None
         if evidence_s is None:
             evidence_s = now_s
         elif not evidence_s <= now_s:
-            raise ValueError(
-                f"evidence for {subject}.{model.name} was taken at {now_s} at the latest, not at {evidence_s}"
-            )
+            told = f"{subject}.{declared.model.name}"
+            raise ValueError(f"evidence for {told} was taken at {now_s} at the latest, not at {evidence_s}")
+        else:
+            evidence_s = float(evidence_s)
         if history is None:
-            history = History()
-        elif declared.rights.is_ranked and self.agent != history.present.source and history.present.at(now_s).known:
-            declared.rights.check_rank(self.agent, history.present.source, f"{subject}.{model.name}")
-        reading = self._reading(declared, subject, content, float(evidence_s))
-        return reading, history.with_reading(reading, model.history)
-
-    def _reading(self, declared: Attribute, subject: str, content: Value | None, evidence_s: float) -> Reading[Value]:
-        name, now_s = declared.variable or f"{subject}.{declared.model.name}", self.now_s
+            name = declared.variable or f"{subject}.{declared.model.name}"
+        else:
+            before = history.present
+            name = before.name
+            if before.source != agent and declared.rights.is_ranked and before.at(now_s).known:
+                declared.rights.check_rank(agent, before.source, f"{subject}.{declared.model.name}")
         if content is None:
             return Reading(
                 name=name,
@@ -384,39 +387,32 @@ class Draft:
                 evidence_s=evidence_s,
                 start_s=evidence_s,
                 identified_s=now_s,
-                source=self.agent,
+                source=agent,
             )
-        expires_s = evidence_s + declared.model.valid_for_s
-        return known_reading(name, content, evidence_s, evidence_s, now_s, expires_s, self.agent)
+        return known_reading(
+            name, content, evidence_s, evidence_s, now_s, evidence_s + declared.model.valid_for_s, agent
+        )
 
     def _add_edge(self, edge: Edge) -> None:
         origin, label, target, type_name, *_ = edge
         key = (origin, label, target)
-        self._edges = self._edges.with_entry(key, edge)
-        out, into = self._links.get(origin, NO_LINKS)
-        self._links = self._links.with_entry(origin, Links(out.with_entry(key, None), into))
-        out, into = self._links.get(target, NO_LINKS)
-        self._links = self._links.with_entry(target, Links(out, into.with_entry(key, None)))
-        self.touched.add(("edge", type_name))
+        self._new_edges[key] = edge
+        self._directory.add_edge(key)
+        self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_edge(edge, "edge_inserted")
 
     def _remove_edge(self, edge: Edge) -> None:
-        if self._words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
+        if self.words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
             newest_s = self._frames.track(edge.target).newest_s
             self._frames = self._frames.without_parent(edge.target, max(self.now_s, newest_s))
-            self.touched.add(("frame", edge.target))
+            self.touched.append(("frame", edge.target))
         self._detach(edge)
 
     def _detach(self, edge: Edge) -> None:
         """Take an edge out of the graph; where its target stood it did stand."""
-        key = edge.key
-        self._edges = self._edges.without(key)
-        out, into = self._links[edge.origin]
-        self._links = self._links.with_entry(edge.origin, Links(out.without(key), into))
-        out, into = self._links[edge.target]
-        self._links = self._links.with_entry(edge.target, Links(out, into.without(key)))
-        self.touched.add(("edge", edge.type))
+        self._new_edges[edge.key] = None
+        self.touched.append(("edge", edge.type))
         if self.notes is not None:
             self._note_edge(edge, "edge_deleted")
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple, cast
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import Reading, Reason
-from codra_dsl.runtime.persistent import PersistentMap
 
 _MOST_DROPPED = 64
 """Readings in front of the past that a list holds at least until it is copied without them."""
@@ -37,7 +36,7 @@ class History:
 
     def with_reading(self, reading: Reading[Value], most: int) -> History:
         """Return the history with one more reading, of which the newest are kept."""
-        made = History.__new__(History)
+        made: History = _new(History)
         readings, start, end = self._readings, self._start, self._end
         if len(readings) != end or (end and reading.evidence_s < self.present.evidence_s):
             readings = readings[start:end]
@@ -46,10 +45,11 @@ class History:
         else:
             readings.append(reading)
             end += 1
-        start = max(start, end - most)
-        if start > _MOST_DROPPED and start > most:
-            readings = readings[start:end]
-            start, end = 0, len(readings)
+        if end - start > most:
+            start = end - most
+            if start > _MOST_DROPPED and start > most:
+                readings = readings[start:end]
+                start, end = 0, most
         made._readings, made._start, made._end = readings, start, end
         made.present = readings[end - 1]
         return made
@@ -125,15 +125,7 @@ EdgeKey = tuple[str, str, str]
 """Origin, label, target."""
 
 
-class Links(NamedTuple):
-    """The edges of a node: those that go out and those that come in."""
-
-    out: PersistentMap[EdgeKey, None]
-    into: PersistentMap[EdgeKey, None]
-
-
 NO_HISTORIES: Mapping[str, History] = MappingProxyType({})
-NO_LINKS = Links(PersistentMap(), PersistentMap())
 
 
 def present(histories: Mapping[str, History], name: str, attribute: str) -> Reading[Value]:
@@ -146,6 +138,9 @@ def present(histories: Mapping[str, History], name: str, attribute: str) -> Read
 
 def _readings(histories: Mapping[str, History]) -> Mapping[str, Reading[Any]]:
     return MappingProxyType({name: cast("Reading[Any]", each.present) for name, each in histories.items()})
+
+
+_new: Callable[[type[History]], History] = object.__new__
 
 
 def _evidence_s(reading: Reading[Value]) -> float:

@@ -29,55 +29,55 @@ class ConflictError(RuntimeError):
     """A step of a handshake that cannot be taken from where the task stands."""
 
 
-def request(words: Words, draft: Draft, task: str, values: Mapping[str, object]) -> Request:
+def request(draft: Draft, task: str, values: Mapping[str, object]) -> Request:
     """Ask for a task, with values of what its requesters write: it waits for its executor to acknowledge."""
-    model = _model(words, task)
+    model = _model(draft.words, task)
     Rights(by(*model.requesters)).check(draft.agent, f"a request of {task}")
-    before = _now(words, draft, model)
+    before = _now(draft, model)
     if before.is_open:
         raise ConflictError(
             f"{task!r} was asked for by {before.requester!r} already (request {before.number}, {before.stage}): "
             "it can be asked for again when it has ended"
         )
     after = Handover(task, Stage.WANTS, before.number + 1, draft.agent, draft.now_s, draft.now_s + model.acknowledge_s)
-    _write(words, draft, model, before, after)
+    _write(draft, model, before, after)
     for attribute, value in values.items():
         draft.set(task, attribute, value, None)
     return after.request
 
 
-def acknowledge(words: Words, draft: Draft, asked: Request) -> None:
+def acknowledge(draft: Draft, asked: Request) -> None:
     """Say, as the executor, that the task has begun."""
-    model = _model_of(words, asked)
+    model = _model_of(draft.words, asked)
     Rights(by(model.by)).check(draft.agent, f"the acknowledgement of {asked.task}")
-    before = _at(words, draft, asked, Stage.WANTS)
+    before = _at(draft, asked, Stage.WANTS)
     after = before._replace(stage=Stage.IS, since_s=draft.now_s, deadline_s=draft.now_s + model.finish_s)
-    _write(words, draft, model, before, after)
+    _write(draft, model, before, after)
 
 
-def finish(words: Words, draft: Draft, asked: Request, result: str) -> None:
+def finish(draft: Draft, asked: Request, result: str) -> None:
     """End the task, as the executor, with one of its results."""
-    model = _model_of(words, asked)
+    model = _model_of(draft.words, asked)
     Rights(by(model.by)).check(draft.agent, f"the result of {asked.task}")
     if result not in model.results:
         raise unknown(f"result of {asked.task!r}", result, model.results)
-    before = _at(words, draft, asked, Stage.IS)
+    before = _at(draft, asked, Stage.IS)
     after = before._replace(stage=Stage.FINISHED, since_s=draft.now_s, deadline_s=math.inf, result=str(result))
-    _write(words, draft, model, before, after)
+    _write(draft, model, before, after)
 
 
-def abort(words: Words, draft: Draft, asked: Request) -> None:
+def abort(draft: Draft, asked: Request) -> None:
     """End the task, as who asked for it, before it has finished."""
-    model = _model_of(words, asked)
+    model = _model_of(draft.words, asked)
     Rights(by(*model.requesters)).check(draft.agent, f"the abortion of {asked.task}")
-    before = _at(words, draft, asked, Stage.WANTS, Stage.IS)
+    before = _at(draft, asked, Stage.WANTS, Stage.IS)
     Rights(by(before.requester)).check(draft.agent, f"the abortion of request {asked.number} of {asked.task}")
-    _write(words, draft, model, before, _aborted(before, draft.now_s, REQUESTER))
+    _write(draft, model, before, _aborted(before, draft.now_s, REQUESTER))
 
 
-def expire(words: Words, draft: Draft, task: str) -> None:
+def expire(draft: Draft, task: str) -> None:
     """End a task whose deadline has passed; harmless for any other."""
-    _now(words, draft, _model(words, task))
+    _now(draft, _model(draft.words, task))
 
 
 def _model(words: Words, task: str) -> TaskModel:
@@ -92,7 +92,7 @@ def _model_of(words: Words, asked: Request) -> TaskModel:
     return _model(words, asked.task)
 
 
-def _now(words: Words, draft: Draft, model: TaskModel) -> Handover:
+def _now(draft: Draft, model: TaskModel) -> Handover:
     """Return how far a task is: one whose deadline has passed has ended, though the clock has not said so yet."""
     handover = draft.handover(model.name)
     if not handover.is_open or draft.now_s < handover.deadline_s:
@@ -101,15 +101,15 @@ def _now(words: Words, draft: Draft, model: TaskModel) -> Handover:
     ended = _aborted(handover, handover.deadline_s, reason)
     agent, draft.agent = draft.agent, START
     try:
-        _write(words, draft, model, handover, ended)
+        _write(draft, model, handover, ended)
     finally:
         draft.agent = agent
     return ended
 
 
-def _at(words: Words, draft: Draft, asked: Request, *stages: Stage) -> Handover:
+def _at(draft: Draft, asked: Request, *stages: Stage) -> Handover:
     """Return how far the task of a request is, if that is one of some stages."""
-    handover = _now(words, draft, _model(words, asked.task))
+    handover = _now(draft, _model(draft.words, asked.task))
     if handover.request == asked and handover.stage in stages:
         return handover
     if handover.request != asked:
@@ -124,13 +124,13 @@ def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
     return handover._replace(stage=Stage.ABORTED, since_s=instant_s, deadline_s=math.inf, reason=reason)
 
 
-def _write(words: Words, draft: Draft, model: TaskModel, before: Handover, after: Handover) -> None:
+def _write(draft: Draft, model: TaskModel, before: Handover, after: Handover) -> None:
     """Write how far a task is: its edge, and the attributes of its node."""
     draft.hand_over(after)
     if before.stage is not None:
         draft.remove((model.origin, before.stage, model.name))
     if after.stage is not None and (after.is_open or draft.has_node(model.origin)):  # it may be gone when a task ends
-        draft.draw(words.edge_type(after.stage), model.origin, model.name)
+        draft.draw(draft.words.edge_type(after.stage), model.origin, model.name)
     told = (
         ("request", before.number, after.number),
         ("requester", before.requester, after.requester),
@@ -140,4 +140,4 @@ def _write(words: Words, draft: Draft, model: TaskModel, before: Handover, after
     for attribute, was, now in told:
         if was != now:
             node = draft.node(model.name)
-            draft.write(node, words.attribute(node, attribute), now, None)
+            draft.write(node, draft.words.attribute(node, attribute), now, None)

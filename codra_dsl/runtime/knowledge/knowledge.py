@@ -25,7 +25,7 @@ from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Patte
 from codra_dsl.runtime.knowledge.draft import Draft, Touched
 from codra_dsl.runtime.knowledge.elements import History
 from codra_dsl.runtime.knowledge.matching import reads
-from codra_dsl.runtime.knowledge.operations import Operation, operations_of
+from codra_dsl.runtime.knowledge.operations import DEEDS, Operation, Verb, operations_of
 from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
 from codra_dsl.runtime.knowledge.sharing import Refused, Sharing
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
@@ -71,9 +71,9 @@ class Knowledge:
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
         self._steps: Clock = clock if sharing is None else sharing.steps
         self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
-        self._state = State()
+        self._state = State.empty()
         self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
-        self._held: list[Reading[Value]] = []
+        self._held: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
         self.moved: Callable[[Collection[Touched]], None] | None = None
@@ -203,7 +203,7 @@ class Knowledge:
 
         def do(draft: Draft) -> None:
             for operation in operations:
-                operation.apply(self._words, draft)
+                operation.apply(draft)
 
         self._write(agent, do, operations)
 
@@ -222,9 +222,10 @@ class Knowledge:
             if is_closed:
                 raise PermissionError(f"this handle of the agent {name!r} is closed")
 
-        def commit(operation: Operation) -> Any:
-            check()
-            return self._write(name, partial(operation.apply, self._words), (operation,))
+        def commit(verb: Verb, given: tuple[Any, ...]) -> Any:
+            if is_closed:
+                check()
+            return self._do(name, verb, given)
 
         def wake(callback: Callable[[Change], object]) -> Subscription:
             check()
@@ -291,7 +292,7 @@ class Knowledge:
         def attempt(operation: Operation) -> Any:
             with self._turn:  # histories grow in one thread at a time
                 try:
-                    return operation.apply(self._words, draft)
+                    return operation.apply(draft)
                 except PermissionError as error:
                     self._refuse(name, self._refused(operation, str(error)))
                     raise
@@ -316,40 +317,56 @@ class Knowledge:
         if self._sharing is None and present.is_of(base):
             present.take(draft)
         else:
-            transaction.again(self._words, present)
+            transaction.again(present)
 
     def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
-        sharing = self._sharing
         with self._turn:
-            draft = Draft(self._words, self._state, self._steps.now_s(), agent, None if sharing is None else [])
+            draft = self._draft(agent)
             try:
                 result = change(draft)
             except PermissionError as error:
                 self._refuse(agent, self._refused(draft.operation, str(error)))
                 raise
             if draft.touched:
-                if sharing is None:
-                    self._hold(draft.state())
-                else:
-                    self._commit(draft, operations, sharing)
-                for instant_s, handover in draft.deadlines:
-                    self._steps.call_at(instant_s, partial(self._expire, handover.task))
-                if self.moved is not None:
-                    self.moved(draft.touched)
-                self._watches.changed(draft.touched)
-                self._clock.notify()
+                self._commit(draft, operations)
         return result
 
-    def _commit(self, draft: Draft, operations: Sequence[Operation], sharing: Sharing) -> None:
-        """Put what a draft has become in the place of the present state, and tell the context and the journal."""
-        sharing.tell_input(draft.agent, operations)
-        self._hold(draft.state())
-        self._held = draft.shared
-        try:
-            sharing.commit(draft, self._state.version)
-        finally:
-            self._held = []
+    def _do(self, agent: str, verb: Verb, given: tuple[Any, ...]) -> Any:
+        """Do one thing as an agent, and tell those who watch; return what the agent is told."""
+        with self._turn:
+            draft = self._draft(agent)
+            try:
+                result = DEEDS[verb](draft, *given)
+            except PermissionError as error:
+                self._refuse(agent, self._refused(Operation(verb, given), str(error)))
+                raise
+            if draft.touched:
+                self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
+        return result
+
+    def _draft(self, agent: str) -> Draft:
+        return Draft(self._words, self._state, self._steps.now_s(), agent, None if self._sharing is None else [])
+
+    def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
+        """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
+        sharing = self._sharing
+        if sharing is None:
+            self._hold(draft.state())
+        else:
+            sharing.tell_input(draft.agent, operations)
+            self._hold(draft.state())
+            self._held = draft.shared
+            try:
+                sharing.commit(draft, self._state.version)
+            finally:
+                self._held = ()
+        for instant_s, handover in draft.deadlines:
+            self._steps.call_at(instant_s, partial(self._expire, handover.task))
+        if self.moved is not None:
+            self.moved(draft.touched)
+        self._watches.changed(draft.touched)
+        self._clock.notify()
 
     def _hold(self, state: State) -> None:
         """Put another state in the place of the present one."""
@@ -368,7 +385,7 @@ class Knowledge:
             self._sharing.refuse(agent, refused)
 
     def _expire(self, task: str) -> None:
-        self._write(START, lambda draft: handshake.expire(self._words, draft, task))
+        self._write(START, lambda draft: handshake.expire(draft, task))
 
     def _watch(
         self,

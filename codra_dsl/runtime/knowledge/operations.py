@@ -11,7 +11,6 @@ from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.draft import Draft
 from codra_dsl.runtime.knowledge.state import Request
-from codra_dsl.runtime.knowledge.words import Words
 from codra_dsl.runtime.model import unboxed
 
 _POSE_NUMBERS = 7
@@ -39,12 +38,10 @@ class Operation(NamedTuple):
     verb: Verb
     given: tuple[Any, ...]
 
-    def apply(self, words: Words, draft: Draft) -> Any:
+    def apply(self, draft: Draft) -> Any:
         """Do it in a draft; return what the agent is told."""
         draft.operation = self
-        verb, given = self
-        do = _DRAWING.get(verb)
-        return _HANDING_OVER[verb](words, draft, *given) if do is None else do(draft, *given)
+        return DEEDS[self.verb](draft, *self.given)
 
     @property
     def subject(self) -> str:
@@ -101,7 +98,7 @@ def _plain(given: Any) -> Any:
     return list(given) if isinstance(given, tuple) else unboxed(given)
 
 
-_DRAWING: Mapping[Verb, Callable[..., Any]] = {
+DEEDS: Mapping[Verb, Callable[..., Any]] = {
     Verb.INSERT_NODE: Draft.insert_node,
     Verb.DELETE_NODE: Draft.delete_node,
     Verb.SET: Draft.set,
@@ -109,10 +106,9 @@ _DRAWING: Mapping[Verb, Callable[..., Any]] = {
     Verb.DELETE_EDGE: Draft.delete_edge,
     Verb.SET_OF_EDGE: Draft.set_of_edge,
     Verb.PLACE: Draft.place,
-}
-_HANDING_OVER: Mapping[Verb, Callable[..., Any]] = {
     Verb.REQUEST: handshake.request,
     Verb.ACKNOWLEDGE: handshake.acknowledge,
     Verb.FINISH: handshake.finish,
     Verb.ABORT: handshake.abort,
 }
+"""What each verb does in a draft, with what is given; it returns what the agent is told."""

@@ -6,6 +6,7 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.knowledge.declarations import Writer
@@ -40,24 +41,34 @@ class Rights:
     """Who may write one thing.
 
     Attributes:
+        writers: all who may, and the graph itself.
         is_ranked: whether some of them go before others.
     """
 
-    __slots__ = ("_priorities", "is_ranked")
+    __slots__ = ("_priorities", "is_ranked", "writers")
 
     def __init__(self, writers: Sequence[Writer]) -> None:
         self._priorities = {writer.agent: writer.priority for writer in writers}
+        self.writers = frozenset((*self._priorities, START))
         self.is_ranked = len(set(self._priorities.values())) > 1
 
-    def check(self, agent: str, subject: str, *details: str) -> None:
+    def check(self, agent: str, subject: str) -> None:
         """Do nothing if an agent may write something.
 
         Raises:
             NotASourceError: if it may not.
         """
-        if agent not in self._priorities and agent != START:
-            may = " or ".join(self._priorities) or "nobody"
-            raise NotASourceError(f"{''.join((subject, *details))!r} is for {may} to write, not for {agent!r}")
+        if agent not in self.writers:
+            self.refuse(agent, subject)
+
+    def refuse(self, agent: str, subject: str) -> NoReturn:
+        """Tell an agent that it is none of the writers.
+
+        Raises:
+            NotASourceError: always.
+        """
+        may = " or ".join(self._priorities) or "nobody"
+        raise NotASourceError(f"{subject!r} is for {may} to write, not for {agent!r}")
 
     def check_rank(self, agent: str, other: str, subject: str) -> None:
         """Do nothing if what another agent has written does not stand against an agent.

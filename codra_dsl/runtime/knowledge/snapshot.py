@@ -11,7 +11,7 @@ from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.draft import AbsentError
-from codra_dsl.runtime.knowledge.elements import NO_LINKS, Edge, EdgeKey, History, Node, present
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, History, Node, present
 from codra_dsl.runtime.knowledge.matching import Match, matches
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Words
@@ -70,7 +70,8 @@ class Snapshot:
         if type_name:
             self._words.node_type(type_name)
             nodes = self._state.nodes
-            found = [nodes[name] for name in self._state.of_type.get(type_name) or ()]
+            among = map(nodes.get, self._state.directory.of_type(type_name))
+            found = [node for node in among if node is not None and node.type == type_name]
         if where is not None and not isinstance(where, Term):
             raise TypeError(f"where is a condition over attributes, not {where!r}")
         if where is not None:
@@ -124,13 +125,14 @@ class Snapshot:
             UnknownNameError: if there is no such type of edges.
         """
         types = self._words.types_of_edges(edge) if edge else None
-        found = (self._state.edges[key] for key in self._keys(types, origin, target))
+        found = map(self._state.edges.get, self._keys(types, origin, target))
         return tuple(
             sorted(
                 (
                     each
                     for each in found
-                    if (types is None or each.type in types)
+                    if each is not None
+                    and (types is None or each.type in types)
                     and (not origin or each.origin == origin)
                     and (not target or each.target == target)
                 ),
@@ -243,12 +245,12 @@ class Snapshot:
     # For those who follow paths
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
-        """Return what tells the edges from a node apart, in no order."""
-        return self._state.links.get(name, NO_LINKS).out
+        """Return what tells the edges from a node apart, in no order; not each has an edge, and `edge_of` knows."""
+        return self._state.directory.out(name)
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
-        """Return what tells the edges to a node apart, in no order."""
-        return self._state.links.get(name, NO_LINKS).into
+        """Return what tells the edges to a node apart, as `keys_from` does."""
+        return self._state.directory.into(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
         """Return the edge that a key names, if there is one."""
@@ -282,8 +284,8 @@ class Snapshot:
         if types is None:
             return self._state.edges
         ends = frozenset[str]().union(*(self._words.edge_type(name).origins for name in types))
-        of_type = self._state.of_type
-        origins = dict.fromkeys(node for end in ends for node in (end, *(of_type.get(end) or ())))
+        of_type = self._state.directory.of_type
+        origins = dict.fromkeys(node for end in ends for node in (end, *of_type(end)))
         return (key for node in origins for key in self.keys_from(node))
 
     def _standing(self, target: str, source: str) -> Transform | None:

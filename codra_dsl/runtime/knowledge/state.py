@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import NamedTuple
 
 from codra_dsl.runtime.geometry import Frames
-from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Links, Node
+from codra_dsl.runtime.knowledge.directory import Directory
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
 from codra_dsl.runtime.knowledge.words import Stage
 from codra_dsl.runtime.persistent import PersistentMap
 
@@ -62,19 +62,22 @@ class State(NamedTuple):
         next_number: of the next node or edge.
         nodes: by name.
         edges: by origin, label and target.
-        links: the edges of each node that ever had one, by its name.
-        of_type: the names of nodes, by their type.
+        directory: where both are found.
         frames: where nodes stand.
         handovers: how far tasks are, by name.
         gone: when nodes were deleted whose poses are still told, by name.
     """
 
-    version: int = 0
-    next_number: int = 0
-    nodes: PersistentMap[str, Node] = PersistentMap()
-    edges: PersistentMap[EdgeKey, Edge] = PersistentMap()
-    links: PersistentMap[str, Links] = PersistentMap()
-    of_type: PersistentMap[str, PersistentMap[str, None]] = PersistentMap()
-    frames: Frames = Frames()
-    handovers: Mapping[str, Handover] = MappingProxyType({})
-    gone: Mapping[str, float] = MappingProxyType({})
+    version: int
+    next_number: int
+    nodes: PersistentMap[str, Node]
+    edges: PersistentMap[EdgeKey, Edge]
+    directory: Directory
+    frames: Frames
+    handovers: Mapping[str, Handover]
+    gone: Mapping[str, float]
+
+    @classmethod
+    def empty(cls) -> State:
+        """Return the state of a graph in which there is nothing yet."""
+        return cls(0, 0, PersistentMap(), PersistentMap(), Directory(), Frames(), {}, {})

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from codra_dsl.logic import Value
 from codra_dsl.runtime.declarations import OBSERVER
 from codra_dsl.runtime.knowledge.declarations import (
     CONTEXT,
@@ -17,6 +18,7 @@ from codra_dsl.runtime.knowledge.declarations import (
     NodeModel,
     NodeTypeModel,
     TaskModel,
+    Writer,
     by,
 )
 from codra_dsl.runtime.knowledge.elements import Edge, Node
@@ -39,11 +41,13 @@ class Attribute:
     """An attribute as it is declared, and who may write it.
 
     Attributes:
+        convert: as `ValueType.convert`.
         variable: the context-variable that it is; empty if it is none.
     """
 
     model: AttributeModel
     rights: Rights
+    convert: Callable[[object], Value | None]
     variable: str = ""
 
 
@@ -204,7 +208,7 @@ def _shared(nodes: Mapping[str, str], variables: Sequence[VariableModel]) -> Map
             valid_for_s=each.valid_for_s,
             history=each.history,
         )
-        found.setdefault(nodes[each.name], {})[each.name] = Attribute(model, Rights(model.sources), each.name)
+        found.setdefault(nodes[each.name], {})[each.name] = _attribute(model, model.sources, each.name)
     return found
 
 
@@ -220,14 +224,18 @@ def _edge_type(model: EdgeTypeModel) -> EdgeType:
         model,
         label,
         Rights(model.sources),
-        {each.name: Attribute(each, Rights(each.sources or model.sources)) for each in model.attributes},
+        {each.name: _attribute(each, each.sources or model.sources) for each in model.attributes},
         frozenset(model.origins),
         frozenset(model.targets),
     )
 
 
+def _attribute(model: AttributeModel, sources: Sequence[Writer], variable: str = "") -> Attribute:
+    return Attribute(model, Rights(sources), model.type.converter(), variable)
+
+
 def _attributes(models: Iterable[AttributeModel]) -> Mapping[str, Attribute]:
-    return {model.name: Attribute(model, Rights(model.sources)) for model in models}
+    return {model.name: _attribute(model, model.sources) for model in models}
 
 
 def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
@@ -238,7 +246,7 @@ def _attributes_of(task: TaskModel) -> Mapping[str, Attribute]:
         AttributeModel(name="result", type=member(*task.results)),
         AttributeModel(name="reason", type=text()),
     )
-    asked = {each.name: Attribute(each, Rights(each.sources or by(*task.requesters))) for each in task.attributes}
+    asked = {each.name: _attribute(each, each.sources or by(*task.requesters)) for each in task.attributes}
     return {**asked, **_attributes(steps)}
 
 

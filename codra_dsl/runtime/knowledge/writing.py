@@ -15,11 +15,10 @@ from codra_dsl.runtime.knowledge.handshake import ConflictError
 from codra_dsl.runtime.knowledge.operations import Operation, Verb
 from codra_dsl.runtime.knowledge.state import Request
 from codra_dsl.runtime.knowledge.watching import Change
-from codra_dsl.runtime.knowledge.words import Words
 from codra_dsl.runtime.subscriptions import Subscription
 
-Apply = Callable[[Operation], Any]
-"""Applies an operation to the graph and returns what the agent is told."""
+Apply = Callable[[Verb, tuple[Any, ...]], Any]
+"""Does what a verb says with what is given, and returns what the agent is told."""
 
 
 class Writer(ABC):
@@ -33,8 +32,8 @@ class Writer(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def _apply(self, operation: Operation) -> Any:
-        """Apply an operation and return what the agent is told."""
+    def _apply(self, verb: Verb, *given: Any) -> Any:
+        """Do what a verb says with what is given, and return what the agent is told."""
 
     def insert_node(self, name: str, type: str, /, **values: object) -> None:
         """Insert a node, with values of some of its attributes.
@@ -42,11 +41,11 @@ class Writer(ABC):
         Raises:
             PresentError: if there is a node of this name.
         """
-        self._apply(Operation(Verb.INSERT_NODE, (name, type, values)))
+        self._apply(Verb.INSERT_NODE, name, type, values)
 
     def delete_node(self, name: str) -> None:
         """Delete a node, and all edges to and from it, whoever wrote them."""
-        self._apply(Operation(Verb.DELETE_NODE, (name,)))
+        self._apply(Verb.DELETE_NODE, name)
 
     def set(self, name: str, attribute: str, value: object, *, evidence_s: float | None = None) -> None:
         """Write an attribute of a node.
@@ -60,7 +59,7 @@ class Writer(ABC):
         Raises:
             ValueError: if the evidence lies in the future.
         """
-        self._apply(Operation(Verb.SET, (name, attribute, value, evidence_s)))
+        self._apply(Verb.SET, name, attribute, value, evidence_s)
 
     def insert_edge(self, origin: str, type: str, target: str, /, **values: object) -> None:
         """Insert an edge, or write attributes of the one that is there.
@@ -68,17 +67,17 @@ class Writer(ABC):
         Raises:
             ValueError: if edges of this type have a pose: these are placed.
         """
-        self._apply(Operation(Verb.INSERT_EDGE, (origin, type, target, values)))
+        self._apply(Verb.INSERT_EDGE, origin, type, target, values)
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
         """Delete an edge. A node that stood in another by it stands nowhere from now on."""
-        self._apply(Operation(Verb.DELETE_EDGE, (origin, type, target)))
+        self._apply(Verb.DELETE_EDGE, origin, type, target)
 
     def set_of_edge(
         self, origin: str, type: str, target: str, attribute: str, value: object, *, evidence_s: float | None = None
     ) -> None:
         """Write an attribute of an edge, as `set` does of a node."""
-        self._apply(Operation(Verb.SET_OF_EDGE, (origin, type, target, attribute, value, evidence_s)))
+        self._apply(Verb.SET_OF_EDGE, origin, type, target, attribute, value, evidence_s)
 
     def place(self, origin: str, type: str, target: str, pose: Pose, *, stamp_s: float | None = None) -> None:
         """Say where a node stands in another, from an instant on.
@@ -96,7 +95,7 @@ class Writer(ABC):
             FrameError: if the origin stands in the target at that time.
             ValueError: if the stamp lies in the future, the pose is no rigid motion, or the type of edges has none.
         """
-        self._apply(Operation(Verb.PLACE, (origin, type, target, pose, stamp_s)))
+        self._apply(Verb.PLACE, origin, type, target, pose, stamp_s)
 
     # Tasks (P2, section 3.2)
 
@@ -106,7 +105,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if it was asked for and has not ended.
         """
-        request: Request = self._apply(Operation(Verb.REQUEST, (task, values)))
+        request: Request = self._apply(Verb.REQUEST, task, values)
         return request
 
     def acknowledge(self, request: Request) -> None:
@@ -115,7 +114,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or not one that waits.
         """
-        self._apply(Operation(Verb.ACKNOWLEDGE, (request,)))
+        self._apply(Verb.ACKNOWLEDGE, request)
 
     def finish(self, request: Request, result: str) -> None:
         """End a task, as its executor, with one of its results.
@@ -123,7 +122,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has not begun or has ended.
         """
-        self._apply(Operation(Verb.FINISH, (request, result)))
+        self._apply(Verb.FINISH, request, result)
 
     def abort(self, request: Request) -> None:
         """End a task, as who asked for it.
@@ -131,7 +130,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has ended.
         """
-        self._apply(Operation(Verb.ABORT, (request,)))
+        self._apply(Verb.ABORT, request)
 
 
 class Transaction(Writer):
@@ -143,7 +142,7 @@ class Transaction(Writer):
 
     __slots__ = ("_attempt", "_done", "_error", "_is_over")
 
-    def __init__(self, attempt: Apply) -> None:
+    def __init__(self, attempt: Callable[[Operation], Any]) -> None:
         """Begin with no change.
 
         Args:
@@ -159,9 +158,10 @@ class Transaction(Writer):
         """Return what has been done in it so far."""
         return tuple(operation for operation, _ in self._done)
 
-    def _apply(self, operation: Operation) -> Any:
+    def _apply(self, verb: Verb, *given: Any) -> Any:
         if self._is_over:
             raise PermissionError("this transaction is over: begin another")
+        operation = Operation(verb, given)
         try:
             result = self._attempt(operation)
         except BaseException as error:
@@ -179,14 +179,14 @@ class Transaction(Writer):
         if self._error is not None:
             raise self._error
 
-    def again(self, words: Words, draft: Draft) -> None:
+    def again(self, draft: Draft) -> None:
         """Make all changes in another draft.
 
         Raises:
             ConflictError: if that gives another result than the program was told.
         """
         for operation, result in self._done:
-            if operation.apply(words, draft) != result:
+            if operation.apply(draft) != result:
                 raise ConflictError("the task was handed over otherwise while the transaction was made")
 
 
@@ -195,7 +195,7 @@ class Means:
     """By what the handle of an agent does its work.
 
     Attributes:
-        commit: applies an operation as this agent.
+        commit: does something as this agent.
         transact: begins a transaction of this agent.
         wake: calls back when the agent is to wake.
         act: returns the action of a rule, by its name.
@@ -214,7 +214,7 @@ class Means:
 class AgentHandle(Writer):
     """The handle of one agent: what it writes carries its name, and no other handle of this name is open."""
 
-    __slots__ = ("__weakref__", "_means", "_name")
+    __slots__ = ("__weakref__", "_commit", "_means", "_name")
 
     def __init__(self, name: str, means: Means) -> None:
         """Write for an agent.
@@ -225,6 +225,7 @@ class AgentHandle(Writer):
         """
         self._name = name
         self._means = means
+        self._commit = means.commit
 
     @property
     def name(self) -> str:
@@ -271,5 +272,5 @@ class AgentHandle(Writer):
         """
         return self._means.act(rule)
 
-    def _apply(self, operation: Operation) -> Any:
-        return self._means.commit(operation)
+    def _apply(self, verb: Verb, *given: Any) -> Any:
+        return self._commit(verb, given)
