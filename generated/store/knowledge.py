@@ -56,6 +56,7 @@ AgentName = Literal[
 ]
 AttributeName = Literal[
     "kind",
+    "cancelled",
     "state",
     "battery_level",
     "charging",
@@ -169,7 +170,12 @@ KNOWLEDGE = KnowledgeModel(
             sources=by("picker_page"),
             attributes=(
                 AttributeModel(name="kind", type=member("provide", "collect", "move"), sources=by("picker_page")),
-                AttributeModel(name="state", type=member("open", "done", "aborted", "failed"), sources=by("mission")),
+                AttributeModel(name="cancelled", type=boolean(), sources=by("picker_page")),
+                AttributeModel(
+                    name="state",
+                    type=member("open", "done", "aborted", "failed", "cancelled"),
+                    sources=by("mission"),
+                ),
             ),
         ),
         NodeTypeModel(name="world"),
@@ -904,12 +910,15 @@ KNOWLEDGE = KnowledgeModel(
                 ),
             ),
         ),
-        AgentModel(name="picker_page", owns=("robot.container_load", "order", "order.kind", "of_area", "to_area")),
+        AgentModel(
+            name="picker_page",
+            owns=("robot.container_load", "order", "order.kind", "order.cancelled", "of_area", "to_area"),
+        ),
         AgentModel(
             name="mission",
             phase=Phase.PLAN,
             owns=("goal.goal_way", "base.base_notice", "robot.order_open", "order.state", "goal_pose"),
-            reads=("order", "of_area", "to_area", "base.base_notice"),
+            reads=("order", "of_area", "to_area", "base.base_notice", "robot.loaded"),
         ),
         AgentModel(
             name="picking",
@@ -1342,7 +1351,7 @@ if TYPE_CHECKING:
         def set(
             self,
             name: str,
-            attribute: Literal["container_load", "kind"],
+            attribute: Literal["container_load", "kind", "cancelled"],
             value: object,
             *,
             evidence_s: float | None = None,

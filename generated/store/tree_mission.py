@@ -45,7 +45,7 @@ def global_management_tree() -> Node:
                 remapped={
                     "observation_pose": "observation_pose",
                     "delivery_pose": "delivery_pose",
-                    "outcome": "outcome",
+                    "fetched": "fetched",
                 },
                 constants={"start_pose": "start"},
             ),
@@ -65,6 +65,7 @@ def pick_deliver_start_tree() -> Node:
                 "TakeOrder",
                 outputs={"observation_pose": Entry("observation_pose"), "delivery_pose": Entry("delivery_pose")},
             ),
+            conditions=Conditions(on_success=(create("fetched", lambda it: ""),)),
         ),
         Node(
             "serve the order",
@@ -72,23 +73,42 @@ def pick_deliver_start_tree() -> Node:
             Node(
                 "pick up and deliver",
                 sequence(),
-                Node("to the picking area", Leaf("MoveTo", inputs={"pose": Entry("observation_pose")})),
-                Node("PickUp", Leaf("PickUp")),
+                Node(
+                    "have the container",
+                    fallback(),
+                    Node("IsLoaded", Leaf("IsLoaded")),
+                    Node(
+                        "fetch it",
+                        sequence(),
+                        Node("to the picking area", Leaf("MoveTo", inputs={"pose": Entry("observation_pose")})),
+                        Node("PickUp", Leaf("PickUp", outputs={"result": Entry("fetched")})),
+                    ),
+                ),
                 Node(
                     "PutDown",
                     Subtree(remapped={"delivery_pose": "delivery_pose"}),
                     put_down_tree(),
                 ),
                 Node("Inform", Leaf("Inform", inputs={"message": "mission completed"})),
-                conditions=Conditions(
-                    on_success=(create("outcome", lambda it: "completed"),),
-                    on_failure=(create("outcome", lambda it: "aborted"),),
-                ),
             ),
             Node(
-                "GiveUp",
-                Subtree(constants={"outcome": "failed"}),
-                give_up_tree(),
+                "there is none",
+                sequence(),
+                Node("CloseOrder", Leaf("CloseOrder", inputs={"outcome": "failed"})),
+                Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+                conditions=Conditions(failure_if=lambda it: it["fetched"] != "not_found"),
+            ),
+            Node(
+                "no way to where it was to go",
+                sequence(),
+                Node("IsLoaded", Leaf("IsLoaded")),
+                Node("RedirectOrder", Leaf("RedirectOrder")),
+                Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+            ),
+            Node(
+                "LeaveOrder",
+                Subtree(),
+                leave_order_tree(),
             ),
         ),
         Node(
@@ -124,11 +144,21 @@ def to_start_tree() -> Node:
         "Sequence",
         sequence(),
         Node(
-            "GiveUp",
-            Subtree(constants={"outcome": "aborted"}),
-            give_up_tree(),
+            "LeaveOrder",
+            Subtree(),
+            leave_order_tree(),
         ),
-        Node("to the start", Leaf("MoveTo", inputs={"pose": Entry("start_pose")})),
+        Node(
+            "be at the start",
+            fallback(),
+            Node("IsLoaded", Leaf("IsLoaded")),
+            Node(
+                "ForceSuccess",
+                force_success(),
+                Node("to the start", Leaf("MoveTo", inputs={"pose": Entry("start_pose")})),
+            ),
+        ),
+        Node("ResumeOrders", Leaf("ResumeOrders")),
     )
 
 
@@ -138,9 +168,9 @@ def dock_tree() -> Node:
         "Sequence",
         sequence(),
         Node(
-            "GiveUp",
-            Subtree(constants={"outcome": "aborted"}),
-            give_up_tree(),
+            "LeaveOrder",
+            Subtree(),
+            leave_order_tree(),
         ),
         Node("to the charging station", Leaf("MoveTo", inputs={"pose": Entry("charging_pose")})),
         Node("Inform", Leaf("Inform", inputs={"message": "charging"})),
@@ -158,15 +188,15 @@ def put_down_tree() -> Node:
     )
 
 
-def give_up_tree() -> Node:
-    """Return the tree GiveUp."""
+def leave_order_tree() -> Node:
+    """Return the tree LeaveOrder."""
     return Node(
         "ForceSuccess",
         force_success(),
         Node(
             "Sequence",
             sequence(),
-            Node("AbortOrder", Leaf("AbortOrder", inputs={"outcome": Entry("outcome")})),
+            Node("SetOrderAside", Leaf("SetOrderAside")),
             Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
         ),
     )
@@ -179,17 +209,21 @@ TREES: Mapping[str, Callable[[], Node]] = {
     "ToStart": to_start_tree,
     "Dock": dock_tree,
     "PutDown": put_down_tree,
-    "GiveUp": give_up_tree,
+    "LeaveOrder": leave_order_tree,
 }
 
 MAIN: str | None = "GlobalManagement"
 
 ACTIONS: tuple[str, ...] = (
-    "AbortOrder",
+    "CloseOrder",
     "CompleteOrder",
     "Inform",
+    "IsLoaded",
     "LowerFork",
     "MoveTo",
     "PickUp",
+    "RedirectOrder",
+    "ResumeOrders",
+    "SetOrderAside",
     "TakeOrder",
 )

@@ -5,7 +5,17 @@ Made by codra; edits are lost.
 
 from collections.abc import Callable, Mapping
 
-from codra_dsl.runtime.trees import Entry, Leaf, Node, Subtree, fallback, force_failure, reactive_sequence, sequence
+from codra_dsl.runtime.trees import (
+    Entry,
+    Leaf,
+    Node,
+    Subtree,
+    fallback,
+    force_failure,
+    reactive_sequence,
+    retry_until_successful,
+    sequence,
+)
 
 
 def pick_up_management_tree() -> Node:
@@ -40,7 +50,13 @@ def fetch_tree() -> Node:
         Node(
             "find the roll container",
             fallback(),
-            Node("from the first pose", Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")})),
+            Node(
+                "from the first pose",
+                Leaf(
+                    "DetectContainer",
+                    outputs={"container_pose": Entry("container_pose"), "fork_towards": Entry("fork_towards")},
+                ),
+            ),
             Node(
                 "look again",
                 sequence(),
@@ -49,30 +65,67 @@ def fetch_tree() -> Node:
                     Leaf("MoveTo", inputs={"pose": Entry("second_observation_pose")}),
                 ),
                 Node(
-                    "from the second pose",
-                    Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")}),
-                ),
-            ),
-            Node(
-                "ForceFailure",
-                force_failure(),
-                Node(
-                    "Sequence",
-                    sequence(),
-                    Node("Inform", Leaf("Inform", inputs={"message": "no roll container found"})),
-                    Node("Report", Leaf("Report", inputs={"result": "not_found"})),
+                    "from there",
+                    fallback(),
+                    Node(
+                        "from the second pose",
+                        Leaf(
+                            "DetectContainer",
+                            outputs={"container_pose": Entry("container_pose"), "fork_towards": Entry("fork_towards")},
+                        ),
+                    ),
+                    Node(
+                        "ForceFailure",
+                        force_failure(),
+                        Node(
+                            "Sequence",
+                            sequence(),
+                            Node("Inform", Leaf("Inform", inputs={"message": "no roll container found"})),
+                            Node("Report", Leaf("Report", inputs={"result": "not_found"})),
+                        ),
+                    ),
                 ),
             ),
         ),
         Node("approach it", Leaf("MoveTo", inputs={"pose": Entry("container_pose")})),
         Node(
             "a last check that it was not moved",
-            Leaf("DetectContainer", outputs={"container_pose": Entry("container_pose")}),
+            Leaf(
+                "DetectContainer",
+                outputs={"container_pose": Entry("container_pose"), "fork_towards": Entry("fork_towards")},
+            ),
         ),
-        Node("Rotate", Leaf("Rotate", inputs={"angle_deg": "180"})),
-        Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
-        Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
-        Node("RaiseFork", Leaf("RaiseFork")),
+        Node(
+            "turn the fork towards it",
+            fallback(),
+            Node("Rotate", Leaf("Rotate", inputs={"angle_deg": "180"})),
+            Node(
+                "somewhere else, and come back the other way round",
+                sequence(),
+                Node("where there is more room", Leaf("MoveTo", inputs={"pose": Entry("second_observation_pose")})),
+                Node("before it", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
+            ),
+        ),
+        Node(
+            "RetryUntilSuccessful",
+            retry_until_successful("3"),
+            Node(
+                "take it up",
+                fallback(),
+                Node(
+                    "get under it",
+                    sequence(),
+                    Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
+                    Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
+                    Node("RaiseFork", Leaf("RaiseFork")),
+                ),
+                Node(
+                    "ForceFailure",
+                    force_failure(),
+                    Node("out again, to measure anew", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
+                ),
+            ),
+        ),
     )
 
 

@@ -159,8 +159,15 @@ def _is_apart(one: Box, other: Box) -> bool:
 
 
 def _to_edges(eye: Floats, ways: Floats, starts: Floats, edges: Floats) -> Floats:
-    """Solve eye + t way = start + u edge for each ray and edge; shape (rays,)."""
+    """Solve eye + t way = start + u edge for each ray and edge that faces the eye; shape (rays,).
+
+    Edges go counter-clockwise about what they bound: an eye outside meets the far ones behind the near ones.
+    """
     to_start = starts - eye
+    is_facing = edges[:, 0] * to_start[:, 1] > edges[:, 1] * to_start[:, 0]
+    if not is_facing.any():
+        return np.full(len(ways), np.inf)
+    to_start, edges = to_start[is_facing], edges[is_facing]
     cross = ways[:, :1] * edges[:, 1] - ways[:, 1:] * edges[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         t = (to_start[:, 0] * edges[:, 1] - to_start[:, 1] * edges[:, 0]) / cross

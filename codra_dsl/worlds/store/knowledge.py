@@ -131,7 +131,8 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
             sources=by("picker_page"),
             attributes=(
                 _attribute("kind", member("provide", "collect", "move"), "picker_page"),
-                _attribute("state", member("open", "done", "aborted", "failed"), "mission"),
+                _attribute("cancelled", boolean(), "picker_page"),
+                _attribute("state", member("open", "done", "aborted", "failed", "cancelled"), "mission"),
             ),
         ),
     )

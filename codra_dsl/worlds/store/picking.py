@@ -89,7 +89,9 @@ class Picking:
         return True
 
     def _seen(self, ports: Ports) -> None:
-        ports.set("container_pose", Goal(stand=approach_to(self._container()).turned(pi)))
+        before = approach_to(self._container())
+        ports.set("container_pose", Goal(stand=before.turned(pi)))
+        ports.set("fork_towards", Goal(stand=before))
 
     def _measured(self, ports: Ports) -> None:
         ports.set("fork_pose", Goal(stand=robot_at(self._container()), way=Way.BACKWARD))

@@ -7,8 +7,9 @@ from functools import cache
 from math import ceil, hypot
 
 import networkx as nx
+import numpy as np
 
-from codra_dsl.worlds.store.geometry import Disc, Point, Stand
+from codra_dsl.worlds.store.geometry import Disc, Floats, Point, Stand
 from codra_dsl.worlds.store.layout import DEPTH_M, FIXED, LENGTH_M
 
 GRID_M = 0.2
@@ -30,22 +31,29 @@ class NoRouteError(LookupError):
     """There is no way from here to there that is wide enough."""
 
 
+_MIDDLES_M = np.array([box.centre.point_m for box in FIXED])
+_HALVES_M = np.array([(box.length_m / 2, box.width_m / 2) for box in FIXED])
+"""Of shelves and walls, which lie along the axes of the map."""
+
+
 def clearance_m(point_m: Point) -> float:
     """Return how far a point is from the nearest shelf or wall: 0 inside of one."""
-    return min(box.distance_m(point_m) for box in FIXED)
+    return float(clearances_m(np.array([point_m]))[0])
+
+
+def clearances_m(points_m: Floats) -> Floats:
+    """Return the same of many points, of shape (points, 2); shape (points,)."""
+    outside_m = np.maximum(np.abs(points_m[:, None, :] - _MIDDLES_M) - _HALVES_M, 0.0)
+    found: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
+    return found
 
 
 def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
     """Return whether all of a straight way keeps so far from shelves and walls, as far as 5 cm can tell."""
     steps = max(1, ceil(hypot(end_m[0] - start_m[0], end_m[1] - start_m[1]) / 0.05))
-    points = (
-        (
-            start_m[0] + (end_m[0] - start_m[0]) * step / steps,
-            start_m[1] + (end_m[1] - start_m[1]) * step / steps,
-        )
-        for step in range(steps + 1)
-    )
-    return all(clearance_m(point) >= room_m - _ROUNDING_M for point in points)
+    shares = np.arange(steps + 1)[:, None] / steps
+    points = np.array(start_m) + (np.array(end_m) - np.array(start_m)) * shares
+    return bool((clearances_m(points) >= room_m - _ROUNDING_M).all())
 
 
 def route(start: Stand, goal: Stand, avoid: Sequence[Disc] = ()) -> tuple[Point, ...]:
@@ -81,10 +89,11 @@ def _way_out(start: Stand, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tupl
     Raises:
         NoRouteError: if there is none.
     """
+    room_m = min(LANE_M, clearance_m(start.point_m))  # who stands nearer to a shelf goes no nearer
     for sign in (1.0, -1.0):
         for step in range(31):
             end_m = start.out(sign * step * 0.1)
-            if not has_room(start.point_m, end_m, LANE_M) or _approaches(start.point_m, end_m, avoid):
+            if not has_room(start.point_m, end_m, room_m) or _approaches(start.point_m, end_m, avoid):
                 break
             node = _nearest(grid, end_m)
             if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
@@ -105,16 +114,22 @@ def _grid() -> nx.Graph[Point]:
     """Return the free points of the grid, each joined to its neighbours."""
     graph: nx.Graph[Point] = nx.Graph()
     columns, rows = round(LENGTH_M / GRID_M), round(DEPTH_M / GRID_M)
-    for column in range(columns + 1):
-        for row in range(rows + 1):
-            point = (round(column * GRID_M, 3), round(row * GRID_M, 3))
-            if clearance_m(point) >= TURNING_ROOM_M - _ROUNDING_M:
-                graph.add_node(point)
-                for across, along in ((-1, 0), (0, -1), (-1, -1), (-1, 1)):
-                    other = (round((column + across) * GRID_M, 3), round((row + along) * GRID_M, 3))
-                    if other in graph:
-                        graph.add_edge(point, other, length_m=_distance_m(point, other))
+    places = [(column, row) for column in range(columns + 1) for row in range(rows + 1)]
+    rooms_m = clearances_m(np.array(places) * GRID_M)
+    for (column, row), room_m in zip(places, rooms_m.tolist(), strict=True):
+        if room_m < TURNING_ROOM_M - _ROUNDING_M:
+            continue
+        point = _grid_point(column, row)
+        graph.add_node(point)
+        for across, along in ((-1, 0), (0, -1), (-1, -1), (-1, 1)):
+            other = _grid_point(column + across, row + along)
+            if other in graph:
+                graph.add_edge(point, other, length_m=_distance_m(point, other))
     return graph
+
+
+def _grid_point(column: int, row: int) -> Point:
+    return (round(column * GRID_M, 3), round(row * GRID_M, 3))
 
 
 def _without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
@@ -130,7 +145,7 @@ def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
     """Return the nearest point of the grid, if it is within reach."""
     steps = range(-2, 3)
     column, row = round(point_m[0] / GRID_M), round(point_m[1] / GRID_M)
-    around = [(round((column + a) * GRID_M, 3), round((row + b) * GRID_M, 3)) for a in steps for b in steps]
+    around = [_grid_point(column + a, row + b) for a in steps for b in steps]
     near = [node for node in around if node in grid and _distance_m(node, point_m) <= _REACH_M]
     return min(near, key=lambda node: (_distance_m(node, point_m), node), default=None)
 

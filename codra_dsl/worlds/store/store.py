@@ -42,6 +42,14 @@ class PickerPage:
         if state.known and state.value == "open":
             self.tell_load(Load.EMPTY)
 
+    def cancel(self, order: str) -> None:
+        """Take an order back; one that is closed stays as it is.
+
+        Raises:
+            UnknownNameError: if there is none of this name.
+        """
+        self._handle.set(order, "cancelled", True)
+
     def tell_load(self, load: Load) -> None:
         """Write what is in the container that the robot serves."""
         self._handle.set("robot", "container_load", load)

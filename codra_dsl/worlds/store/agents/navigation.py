@@ -1,7 +1,7 @@
 """P2's NavigationAgent: it drives to the goal that is set in the graph, and tells how the robot's body is.
 
 It plans on the map, with the containers that are known to stand there. When the way stays blocked it plans again, round
-what the laser sees, and at last says so.
+what the lasers see; when it has bumped into something it draws back from it first. At last it says what is wrong.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from functools import partial
 from math import hypot
 
 from codra_dsl.runtime.cell import Reading
-from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
+from codra_dsl.worlds.store.agents.surroundings import obstacles, room_m
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
-from codra_dsl.worlds.store.body import FRONT, Body, Outcome, Way
+from codra_dsl.worlds.store.body import Body, Outcome, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
@@ -24,13 +25,22 @@ PERIOD_S = 0.5
 TRIES = 8
 """How often it tries before it says that the way is blocked; each try waits as long as the motion layer does."""
 
+TRIES_BACKWARD = 3
+"""The same backwards, where there is no other way."""
+
+MOST_BUMPS = 3
+"""Who bumps into things more often on one way does not get there."""
+
+SETTLE_S = 1.0
+"""So long it stands after a bump."""
+
 FACING_RAD = 0.03
 BACK_OFF_M = 0.5
+DRAW_BACK_M = 0.4
+"""So far it draws back from what it has bumped into, if there is so much room."""
+
 BACK_ROOM_M = 1.2
 """No container may be known to stand nearer than this to where it backs off to."""
-
-OBSTACLE_M = 0.3
-"""The radius of what the laser sees in the way."""
 
 
 class Navigation:
@@ -41,8 +51,10 @@ class Navigation:
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("navigation")
         self._body = body
+        self._clock = clock
         self._goal = Stand(0.0, 0.0)
-        self._tries = 0
+        self._tries, self._bumps = 0, 0
+        self._pause: Timer | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit)
         self._rounds = Rounds(clock, PERIOD_S, self._tell)
@@ -60,15 +72,20 @@ class Navigation:
             self._body.set_max_speed(reading.value)
 
     def _begin(self, snapshot: Snapshot) -> None:
-        self._goal, self._tries = stand_of(snapshot.transform("world", "goal").pose), 0
+        self._goal = stand_of(snapshot.transform("world", "goal").pose)
+        self._tries, self._bumps = 0, 0
         way = snapshot.get("goal", "goal_way")
         if way.known and way.value == Way.BACKWARD:
-            self._body.drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, self._give_up))
+            self._back()
         else:
             self._go(())
 
     def _stop(self) -> None:
+        if self._pause is not None:
+            self._pause.cancel()
         self._body.stop()
+
+    # Ways
 
     def _go(self, avoid: tuple[Disc, ...]) -> None:
         try:
@@ -79,10 +96,48 @@ class Navigation:
                 return
             self._go(())
             return
-        self._body.drive(points, Way.FORWARD, self._ending(self._face, self._go_round))
+        self._body.drive(points, Way.FORWARD, self._ending(self._face, self._go_round, self._go_round))
 
-    def _ending(self, arrived: Callable[[], None], blocked: Callable[[], None]) -> Callable[[Outcome], None]:
-        """Return what is to happen when a command of the body ends; nothing when it was stopped."""
+    def _face(self) -> None:
+        angle_rad = wrapped(self._goal.heading_rad - self._body.believed().heading_rad)
+        if abs(angle_rad) < FACING_RAD:
+            self._arrived()
+            return
+        again = partial(self._try_again, self._face, TRIES)
+        self._body.turn(angle_rad, self._ending(self._arrived, again, self._go_round))
+
+    def _back(self) -> None:
+        """Back up to the goal, straight: what has bumped into something there must be measured anew by who sent it."""
+        again = partial(self._try_again, self._back, TRIES_BACKWARD)
+        told = partial(self._task.finish, "bumped")
+        self._body.drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, told))
+
+    def _go_round(self) -> None:
+        """Back off, so that there is room to turn, and go another way."""
+        self._try_again(self._back_off, TRIES)
+
+    def _back_off(self) -> None:
+        robot = self._body.believed()
+        go_on = partial(self._go, obstacles(self._body, self._container_points()))
+        back_m = robot.out(-BACK_OFF_M)
+        is_free = all(hypot(back_m[0] - x, back_m[1] - y) > BACK_ROOM_M for x, y in self._container_points())
+        if is_free and has_room(robot.point_m, back_m, LANE_M):
+            self._body.drive((back_m,), Way.BACKWARD, self._ending(go_on, go_on, go_on))
+        else:
+            go_on()
+
+    # Ends
+
+    def _ending(
+        self, arrived: Callable[[], None], blocked: Callable[[], None], drawn_back: Callable[[], None]
+    ) -> Callable[[Outcome], None]:
+        """Return what is to happen when a command of the body ends; nothing when it was stopped.
+
+        Args:
+            arrived: when it was done.
+            blocked: when something has been in the way for long.
+            drawn_back: when it has bumped into something, and has drawn back from it.
+        """
 
         def done(outcome: Outcome) -> None:
             if outcome is Outcome.DONE:
@@ -90,55 +145,40 @@ class Navigation:
             elif outcome is Outcome.BLOCKED:
                 blocked()
             elif outcome is Outcome.BUMPED:
-                self._task.finish("bumped")
+                self._bumped(drawn_back)
 
         return done
-
-    def _face(self) -> None:
-        angle_rad = wrapped(self._goal.heading_rad - self._body.believed().heading_rad)
-        if abs(angle_rad) < FACING_RAD:
-            self._arrived()
-        else:
-            self._body.turn(angle_rad, self._ending(self._arrived, self._face_again))
 
     def _arrived(self) -> None:
         self._task.finish("arrived")
 
-    def _give_up(self) -> None:
-        self._task.finish("blocked")
-
-    def _go_round(self) -> None:
-        """Back off, so that there is room to turn, and go another way."""
-        if not self._may_try():
-            return
-        avoid, robot = self._in_the_way(), self._body.believed()
-        back_m = robot.out(-BACK_OFF_M)
-        is_free = all(hypot(back_m[0] - x, back_m[1] - y) > BACK_ROOM_M for x, y in self._container_points())
-        if not is_free or not has_room(robot.point_m, back_m, LANE_M):
-            self._go(avoid)
-            return
-        go_on = partial(self._go, avoid)
-        self._body.drive((back_m,), Way.BACKWARD, self._ending(go_on, go_on))
-
-    def _face_again(self) -> None:
-        if self._may_try():
-            self._face()
-
-    def _may_try(self) -> bool:
+    def _try_again(self, again: Callable[[], None], tries: int) -> None:
         self._tries += 1
-        if self._tries >= TRIES:
-            self._give_up()
-        return self._tries < TRIES
+        if self._tries < tries:
+            again()
+        else:
+            self._task.finish("blocked")
 
-    def _in_the_way(self) -> tuple[Disc, ...]:
-        """Return what the laser sees ahead, if it is near."""
-        robot, points = (
-            self._body.believed(),
-            [point for side in FRONT for point in self._body.scan(side).points_m().tolist()],
-        )
-        ahead = [point for point in points if point[0] > 0.0 and abs(point[1]) < 0.5]
-        nearest = min(ahead, key=lambda point: hypot(*point), default=None)
-        return () if nearest is None else (Disc(robot.out(*nearest), OBSTACLE_M),)
+    def _bumped(self, go_on: Callable[[], None]) -> None:
+        """Stand for a moment, draw back to where there is more room, and go on."""
+        self._bumps += 1
+        if self._bumps > MOST_BUMPS:
+            self._task.finish("bumped")
+            return
+        draw_back = partial(self._draw_back, go_on)
+        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, draw_back)
+
+    def _draw_back(self, go_on: Callable[[], None]) -> None:
+        room = {way: room_m(self._body, way) for way in Way}
+        way = max(Way, key=lambda each: room[each])
+        length_m = min(DRAW_BACK_M, room[way])
+        if length_m <= 0.0:
+            go_on()
+            return
+        there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
+        self._body.drive((there_m,), way, self._ending(go_on, go_on, go_on))
+
+    # What is known
 
     def _containers(self) -> tuple[Disc, ...]:
         return tuple(Disc(point_m, CONTAINER_M / 2) for point_m in self._container_points())

@@ -8,8 +8,13 @@ from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.working import Executor
 from codra_dsl.worlds.store.body import Body, Outcome
+from codra_dsl.worlds.store.geometry import wrapped
 
 _RESULTS = {Outcome.DONE: "turned", Outcome.BLOCKED: "blocked", Outcome.BUMPED: "bumped"}
+
+
+TRIES = 3
+"""How often it tries before it says that there is no room; each try waits as long as the motion layer does."""
 
 
 class Turning:
@@ -18,11 +23,21 @@ class Turning:
     def __init__(self, knowledge: Knowledge, body: Body, _: Clock) -> None:
         """Wait until somebody wants it."""
         self._body = body
+        self._goal_rad, self._tries = 0.0, 0
         self._task = Executor(knowledge, knowledge.as_agent("turning"), "rotating", self._begin, body.stop)
 
     def _begin(self, _: Snapshot) -> None:
-        self._body.turn(pi, self._done)
+        self._goal_rad = self._body.believed().heading_rad + pi
+        self._tries = 0
+        self._turn(pi)
+
+    def _turn(self, angle_rad: float) -> None:
+        self._tries += 1
+        self._body.turn(angle_rad, self._done)
 
     def _done(self, outcome: Outcome) -> None:
-        if outcome in _RESULTS:
+        """Try again where somebody stood in the way: as far as is left, or back by the other side."""
+        if outcome is Outcome.BLOCKED and self._tries < TRIES:
+            self._turn(wrapped(self._goal_rad - self._body.believed().heading_rad))
+        elif outcome in _RESULTS:
             self._task.finish(_RESULTS[outcome])
