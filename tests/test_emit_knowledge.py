@@ -322,6 +322,23 @@ def test_agents_with_long_names_alone_and_in_numbers_are_written_as_ruff_leaves_
         assert imported == sorted(imported, key=lambda name: int("".join(filter(str.isdecimal, name))))
 
 
+NOBODY_WRITES = "codra: 1\nname: yard\nknowledge: {nodes: {tank: tank}}\nagents: {}\n"
+ONE_WRITES = (
+    "codra: 1\nname: yard\ncontext: {empty: {of: tank, type: bool, source: Node}}\n"
+    "knowledge: {nodes: {tank: tank}}\nagents: {Node: {}, it: {reads: [empty]}}\n"
+)
+
+
+@pytest.mark.parametrize("text", [NOBODY_WRITES, ONE_WRITES, SPEC.read_text("utf-8"), EVERYTHING.read_text("utf-8")])
+def test_the_module_of_knowledge_imports_what_it_uses_and_nothing_else(text: str, tmp_path: Path) -> None:
+    written = next(text for name, text in emit(planned(text)).items() if name.endswith("/knowledge.py"))
+    (tmp_path / "knowledge.py").write_text(written, "utf-8")
+    command = [sys.executable, "-m", "ruff", "check", "--isolated", "--select", "F", str(tmp_path)]
+    done = subprocess.run(command, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL)
+
+    assert done.returncode == 0, done.stdout
+
+
 def test_a_spec_without_knowledge_has_no_graph() -> None:
     text = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     found = emit(planned(text))

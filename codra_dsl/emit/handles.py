@@ -24,6 +24,12 @@ from codra_dsl.model import CONTEXT_NODE, TASK_TYPE, TOLD_BY_TASKS
 MOST_HANDLES = 50
 """So many agents have handles of their own type; those of others take any name that is declared."""
 
+_TYPES = (
+    *("AbstractContextManager", "Acting", "AgentHandle", "Any", "Edge", "Handover", "Knowledge", "Literal", "Never"),
+    *("Node", "Pose", "Reading", "Request", "Snapshot", "Term", "Transaction", "overload"),
+)
+"""What signatures are made of."""
+
 _INDENT = 8
 _STEP = 4
 NARROWER = "  # type: ignore[override]  # takes fewer names, on purpose"
@@ -98,13 +104,12 @@ def taking(method: str, taken: Sequence[tuple[Expression, str]], definition: str
 
 def handles(plan: BuildPlan, knowledge: CheckedKnowledge, imports: Imports) -> list[Class]:
     """Return the classes of a spec's graph and of its agents' handles."""
-    imports.use(
-        "AbstractContextManager", "Acting", "Edge", "Handover", "Node", "Pose", "Request", "Reading", "Any", "Term"
-    )
     named = named_handles(knowledge)
     classes = [each for agent, name in named for each in _handle(agent, name, _names_of(agent, knowledge))]
     rest = knowledge.writers[MOST_HANDLES:]
-    return [*classes, *_graph(plan, named, rest, imports)]
+    found = [*classes, *_graph(plan, named, rest)]
+    imports.use_in((text for each in found for text in (each.head, each.stands_for, *each.methods)), _TYPES)
+    return found
 
 
 def _handle_name(agent: str, taken: set[str]) -> str:
@@ -183,7 +188,7 @@ def _head(name: str, writes: str, base: str) -> str:
 _VALUE = ("value: object", "*", "evidence_s: float | None = None")
 
 
-def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], imports: Imports) -> Iterator[Class]:
+def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Sequence[str]) -> Iterator[Class]:
     """Yield the classes of the graph and its snapshots."""
     graph, snapshot = knowledge_class(plan.name), f"{plan.class_name}Snapshot"
     get = _method("get", "Reading[Any]", ("name: str", "attribute: AttributeName"))
@@ -213,7 +218,6 @@ def _graph(plan: BuildPlan, named: list[tuple[str, str]], rest: Iterable[str], i
         *((literals([agent]), handle) for agent, handle in named),
         *([(literals(rest), "AgentHandle")] if rest else []),
     ]
-    imports.use(*(["overload"] if len(taken) > 1 else []))
     last = _method("as_agent", "Any", ("name: Any",))
     methods = (*taking("as_agent", taken, last), _method("snapshot", snapshot, ()), get)
     yield Class(name="_Graph", head="_Graph:", docstring="Who writes, and what there is to read.", methods=methods)

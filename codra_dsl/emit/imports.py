@@ -60,6 +60,8 @@ _HOMES: Mapping[str, Iterable[str]] = {
     "codra_dsl.runtime.observer": ["Observer"],
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
+_TEXT = re.compile(r"""(["'])(?:(?!\1)[^\\]|\\.)*\1""")
+_WORD = re.compile(r"\w+")
 _SECTIONS = (("collections.abc", "contextlib", "typing"), ("py_trees",), ("codra_dsl",))
 
 
@@ -73,6 +75,10 @@ class Imports:
     def use(self, *names: str) -> None:
         """Say that the module uses names of the runtime, of py_trees or of Python's library."""
         self._names.update(names)
+
+    def use_in(self, code: Iterable[str], names: Iterable[str]) -> None:
+        """Say that the module uses those of some names that stand in some of its code, outside of literals."""
+        self._names.update(set(names).intersection(_WORD.findall(_TEXT.sub("", "\n".join(code)))))
 
     def use_math_for(self, values: Iterable[Expression]) -> None:
         """Say that the module holds some values, which may be infinite."""

@@ -58,7 +58,7 @@ _DIGITS = 12
 def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
     """Return the text of the module of what a spec says of knowledge."""
     imports = Imports()
-    imports.use("TYPE_CHECKING", "Literal", "Never", "AgentHandle", "Knowledge", "Snapshot", "Transaction")
+    imports.use("TYPE_CHECKING")
     writer = _Writer(knowledge, imports)
     model = spread_call(
         "KnowledgeModel",
@@ -71,12 +71,13 @@ def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
         agents=spread_tuple(map(writer.agent, knowledge.agents)),
     )
     imports.use("KnowledgeModel")
-    written = handles(plan, knowledge, imports)
+    written, named = handles(plan, knowledge, imports), list(aliases(knowledge))
+    imports.use_in(named, ("Literal", "Never"))
     return render(
         "knowledge.py.j2",
         title=f"What there is to know in '{plan.name}', and who may write it.",
         made_by=made_by(plan),
-        aliases=list(aliases(knowledge)),
+        aliases=named,
         model=laid_out(model),
         handles=written,
         imports=imports.lines(),

@@ -95,11 +95,12 @@ class PersistentMap(Generic[KeyT, ValueT]):
             for key in changes:
                 before[key] = entries.get(key)
             self._before, self._own = before, None
-            made._entries, made._changes = entries, self._changes + len(changes)
+            made._changes = self._changes + len(changes)
             self._later = made  # from here on its readers look at what was before
         else:
             entries = dict(self._whole())
-            made._entries, made._changes = entries, 0
+            made._changes = 0
+        made._entries = entries
         _change(entries, changes)
         return made
 
@@ -148,10 +149,10 @@ class PersistentMap(Generic[KeyT, ValueT]):
 
 def _change(entries: dict[KeyT, ValueT], changes: Mapping[KeyT, ValueT | None]) -> None:
     for key, value in changes.items():
-        if value is None:
-            entries.pop(key, None)
-        else:
+        if value is not None:
             entries[key] = value
+        else:
+            entries.pop(key, None)
 
 
 _new: Callable[[type[PersistentMap[Any, Any]]], PersistentMap[Any, Any]] = object.__new__

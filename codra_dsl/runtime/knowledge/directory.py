@@ -18,28 +18,32 @@ class Directory:
     States share one: what a later one has is passed over by whoever looks for an earlier one's, and so is what was
     deleted or never came to be. So to insert is to add here, and to delete is nothing. Once most of it is gone the next
     state has a directory of its own. Whoever adds holds the turn of the graph; looking needs no lock.
+
+    Attributes:
+        added: how often something was added.
+        most: how often that may be until it is time to look what is gone.
     """
 
-    __slots__ = ("_added", "_into", "_most", "_of_type", "_out")
+    __slots__ = ("_into", "_of_type", "_out", "added", "most")
 
     def __init__(self) -> None:
         """Know of nothing."""
         self._of_type: defaultdict[str, dict[str, None]] = defaultdict(dict)
         self._out: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
         self._into: defaultdict[str, dict[EdgeKey, None]] = defaultdict(dict)
-        self._added = 0
-        self._most = _LEAST
+        self.added = 0
+        self.most = _LEAST
 
     def add_node(self, name: str, type_name: str) -> None:
         """Let a node be found."""
         self._of_type[type_name][name] = None
-        self._added += 1
+        self.added += 1
 
     def add_edge(self, key: EdgeKey) -> None:
         """Let an edge be found."""
         self._out[key[0]][key] = None
         self._into[key[2]][key] = None
-        self._added += 1
+        self.added += 1
 
     def of_type(self, type_name: str) -> Iterable[str]:
         """Return the names of nodes that may have a type."""
@@ -53,20 +57,15 @@ class Directory:
         """Return the keys of edges that may go to a node."""
         return tuple(self._into.get(name, ()))
 
-    @property
-    def is_full(self) -> bool:
-        """Return whether it is time to look what of it is gone."""
-        return self._added > self._most
-
     def renewed(self, nodes: PersistentMap[str, Node], edges: PersistentMap[EdgeKey, Edge]) -> Directory:
         """Return a directory for a state of these: the same, unless most of it is gone."""
-        if self._added <= 2 * (len(nodes) + len(edges)):
-            self._most = 2 * self._added
+        if self.added <= 2 * (len(nodes) + len(edges)):
+            self.most = 2 * self.added
             return self
         made = Directory()
         for node in nodes.values():
             made.add_node(node.name, node.type)
         for edge in edges.values():
             made.add_edge(edge.key)
-        made._most = 2 * made._added + _LEAST
+        made.most = 2 * made.added + _LEAST
         return made

@@ -79,6 +79,7 @@ class Draft:
     def __init__(self, words: Words, state: State, now_s: float, agent: str, notes: list[Note] | None = None) -> None:
         self.words = words
         (
+            _,
             self._version,
             self._next_number,
             self._nodes,
@@ -93,22 +94,30 @@ class Draft:
         self.agent = agent
         self.now_s = now_s
         self.touched: list[Touched] = []
-        self.deadlines: list[tuple[float, Handover]] = []
-        self.shared: list[Reading[Value]] = []
+        self.deadlines: tuple[tuple[float, Handover], ...] = ()
+        self.shared: tuple[Reading[Value], ...] = ()
         self.notes = notes
         self.operation: Any = None
 
-    def state(self) -> State:
+    def state(self, since_s: float) -> State:
         """Return the state that the changes make; once, and only of a draft that began as the present state."""
         nodes, edges, directory = self._nodes, self._edges, self._directory
         if self._new_nodes:
             nodes = nodes.with_changes(self._new_nodes)
         if self._new_edges:
             edges = edges.with_changes(self._new_edges)
-        if directory.is_full:
+        if directory.added > directory.most:
             directory = directory.renewed(nodes, edges)
         return State(
-            self._version + 1, self._next_number, nodes, edges, directory, self._frames, self._handovers, self._gone
+            since_s,
+            self._version + 1,
+            self._next_number,
+            nodes,
+            edges,
+            directory,
+            self._frames,
+            self._handovers,
+            self._gone,
         )
 
     def is_of(self, state: State) -> bool:
@@ -190,7 +199,7 @@ class Draft:
         self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: longer}, writer, since_s)
         self.touched.append((name, attribute))
         if declared.variable:
-            self.shared.append(reading)
+            self.shared += (reading,)
         elif self.notes is not None:
             self._note_reading(declared, reading)
 
@@ -426,7 +435,7 @@ class Draft:
         """Say how far a task is."""
         self._handovers = {**self._handovers, handover.task: handover}
         if handover.is_open and handover.deadline_s < math.inf:
-            self.deadlines.append((handover.deadline_s, handover))
+            self.deadlines += ((handover.deadline_s, handover),)
         if self.notes is not None and handover.stage is not None:
             told = {"requester": handover.requester, "result": handover.result, "message": handover.reason or None}
             deadline_s = handover.deadline_s if handover.deadline_s < math.inf else None

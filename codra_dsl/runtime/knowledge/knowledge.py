@@ -70,9 +70,10 @@ class Knowledge:
         self._sharing = sharing
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
         self._steps: Clock = clock if sharing is None else sharing.steps
+        self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
         self._state = State.empty()
-        self._past: deque[tuple[float, State]] = deque(maxlen=MOST_PAST)
+        self._past: deque[State] = deque(maxlen=MOST_PAST)
         self._held: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
@@ -123,8 +124,8 @@ class Knowledge:
         if not instant_s <= self._now_s():
             raise ValueError(f"it is {self._now_s()} now: what is at {instant_s} is not known yet")
         with self._turn:
-            found = next((state for since_s, state in reversed(self._past) if since_s <= instant_s), None)
-            begin_s = self._past[0][0]
+            found = next((state for state in reversed(self._past) if state.since_s <= instant_s), None)
+            begin_s = self._past[0].since_s
         if found is None:
             raise ValueError(f"the graph is held from {begin_s} s on, not from {instant_s}: a journal has the rest")
         return Snapshot(self._words, found, instant_s)
@@ -182,7 +183,7 @@ class Knowledge:
         most = self._words.attribute(node, name).model.history
         history = node.histories.get(name, History()).with_reading(reading, most)
         nodes = self._state.nodes.with_entry(node.name, node._replace(histories={**node.histories, name: history}))
-        self._hold(self._state._replace(version=self._state.version + 1, nodes=nodes))
+        self._hold(self._state._replace(since_s=self._step_now_s(), version=self._state.version + 1, nodes=nodes))
         self._watches.changed([(node.name, name)])
 
     def in_step(self) -> Snapshot:
@@ -333,7 +334,10 @@ class Knowledge:
         return result
 
     def _do(self, agent: str, verb: Verb, given: tuple[Any, ...]) -> Any:
-        """Do one thing as an agent, and tell those who watch; return what the agent is told."""
+        """Do one thing as an agent, and tell those who watch; return what the agent is told.
+
+        As `_write`, for what is done most: it makes an operation only where somebody is told of it.
+        """
         with self._turn:
             draft = self._draft(agent)
             try:
@@ -346,16 +350,16 @@ class Knowledge:
         return result
 
     def _draft(self, agent: str) -> Draft:
-        return Draft(self._words, self._state, self._steps.now_s(), agent, None if self._sharing is None else [])
+        return Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
 
     def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
         sharing = self._sharing
         if sharing is None:
-            self._hold(draft.state())
+            self._hold(draft.state(self._step_now_s()))
         else:
             sharing.tell_input(draft.agent, operations)
-            self._hold(draft.state())
+            self._hold(draft.state(self._step_now_s()))
             self._held = draft.shared
             try:
                 sharing.commit(draft, self._state.version)
@@ -371,7 +375,7 @@ class Knowledge:
     def _hold(self, state: State) -> None:
         """Put another state in the place of the present one."""
         self._state = state
-        self._past.append((self._steps.now_s(), state))
+        self._past.append(state)
 
     def _refused(self, operation: Operation, why: str) -> Refused:
         if self._sharing is None:

@@ -58,6 +58,7 @@ class State(NamedTuple):
     """The whole graph at one time.
 
     Attributes:
+        since_s: when it became the present one.
         version: how many changes were made.
         next_number: of the next node or edge.
         nodes: by name.
@@ -68,6 +69,7 @@ class State(NamedTuple):
         gone: when nodes were deleted whose poses are still told, by name.
     """
 
+    since_s: float
     version: int
     next_number: int
     nodes: PersistentMap[str, Node]
@@ -80,4 +82,4 @@ class State(NamedTuple):
     @classmethod
     def empty(cls) -> State:
         """Return the state of a graph in which there is nothing yet."""
-        return cls(0, 0, PersistentMap(), PersistentMap(), Directory(), Frames(), {}, {})
+        return cls(-math.inf, 0, 0, PersistentMap(), PersistentMap(), Directory(), Frames(), {}, {})

@@ -161,9 +161,11 @@ class Words:
 
     def attribute(self, node: Node, name: str) -> Attribute:
         """Return an attribute of a node; raise `UnknownNameError` if it cannot have it."""
-        found = self.of_node(node).get(name)
+        own = self._of_nodes.get(node.name)
+        declared = own[1] if own is not None and own[0] == node.type else self._node_types[node.type].attributes
+        found = declared.get(name)
         if found is None:
-            raise unknown(f"attribute of {node.type!r}", name, self.of_node(node))
+            raise unknown(f"attribute of {node.type!r}", name, declared)
         return found
 
     def attribute_of_edge(self, edge: Edge, name: str) -> Attribute:

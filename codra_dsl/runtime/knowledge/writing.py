@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge.acting import Acting
@@ -21,7 +20,7 @@ Apply = Callable[[Verb, tuple[Any, ...]], Any]
 """Does what a verb says with what is given, and returns what the agent is told."""
 
 
-class Writer(ABC):
+class Writer:
     """What an agent can write. Whatever it may not write is refused, with who may, and found in the audit.
 
     All of these raise `NotASourceError` for what is for others to write, `OutrankedError` for what an agent that goes
@@ -29,11 +28,10 @@ class Writer(ABC):
     for nodes and edges that are not there, and `NotOfTypeError` for values that are not what is declared.
     """
 
-    __slots__ = ()
+    __slots__ = ("_apply",)
 
-    @abstractmethod
-    def _apply(self, verb: Verb, *given: Any) -> Any:
-        """Do what a verb says with what is given, and return what the agent is told."""
+    def __init__(self, apply: Apply) -> None:
+        self._apply = apply
 
     def insert_node(self, name: str, type: str, /, **values: object) -> None:
         """Insert a node, with values of some of its attributes.
@@ -41,11 +39,11 @@ class Writer(ABC):
         Raises:
             PresentError: if there is a node of this name.
         """
-        self._apply(Verb.INSERT_NODE, name, type, values)
+        self._apply(Verb.INSERT_NODE, (name, type, values))
 
     def delete_node(self, name: str) -> None:
         """Delete a node, and all edges to and from it, whoever wrote them."""
-        self._apply(Verb.DELETE_NODE, name)
+        self._apply(Verb.DELETE_NODE, (name,))
 
     def set(self, name: str, attribute: str, value: object, *, evidence_s: float | None = None) -> None:
         """Write an attribute of a node.
@@ -59,7 +57,7 @@ class Writer(ABC):
         Raises:
             ValueError: if the evidence lies in the future.
         """
-        self._apply(Verb.SET, name, attribute, value, evidence_s)
+        self._apply(Verb.SET, (name, attribute, value, evidence_s))
 
     def insert_edge(self, origin: str, type: str, target: str, /, **values: object) -> None:
         """Insert an edge, or write attributes of the one that is there.
@@ -67,17 +65,17 @@ class Writer(ABC):
         Raises:
             ValueError: if edges of this type have a pose: these are placed.
         """
-        self._apply(Verb.INSERT_EDGE, origin, type, target, values)
+        self._apply(Verb.INSERT_EDGE, (origin, type, target, values))
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
         """Delete an edge. A node that stood in another by it stands nowhere from now on."""
-        self._apply(Verb.DELETE_EDGE, origin, type, target)
+        self._apply(Verb.DELETE_EDGE, (origin, type, target))
 
     def set_of_edge(
         self, origin: str, type: str, target: str, attribute: str, value: object, *, evidence_s: float | None = None
     ) -> None:
         """Write an attribute of an edge, as `set` does of a node."""
-        self._apply(Verb.SET_OF_EDGE, origin, type, target, attribute, value, evidence_s)
+        self._apply(Verb.SET_OF_EDGE, (origin, type, target, attribute, value, evidence_s))
 
     def place(self, origin: str, type: str, target: str, pose: Pose, *, stamp_s: float | None = None) -> None:
         """Say where a node stands in another, from an instant on.
@@ -95,7 +93,7 @@ class Writer(ABC):
             FrameError: if the origin stands in the target at that time.
             ValueError: if the stamp lies in the future, the pose is no rigid motion, or the type of edges has none.
         """
-        self._apply(Verb.PLACE, origin, type, target, pose, stamp_s)
+        self._apply(Verb.PLACE, (origin, type, target, pose, stamp_s))
 
     # Tasks (P2, section 3.2)
 
@@ -105,7 +103,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if it was asked for and has not ended.
         """
-        request: Request = self._apply(Verb.REQUEST, task, values)
+        request: Request = self._apply(Verb.REQUEST, (task, values))
         return request
 
     def acknowledge(self, request: Request) -> None:
@@ -114,7 +112,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or not one that waits.
         """
-        self._apply(Verb.ACKNOWLEDGE, request)
+        self._apply(Verb.ACKNOWLEDGE, (request,))
 
     def finish(self, request: Request, result: str) -> None:
         """End a task, as its executor, with one of its results.
@@ -122,7 +120,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has not begun or has ended.
         """
-        self._apply(Verb.FINISH, request, result)
+        self._apply(Verb.FINISH, (request, result))
 
     def abort(self, request: Request) -> None:
         """End a task, as who asked for it.
@@ -130,7 +128,7 @@ class Writer(ABC):
         Raises:
             ConflictError: if the request is not the present one, or the task has ended.
         """
-        self._apply(Verb.ABORT, request)
+        self._apply(Verb.ABORT, (request,))
 
 
 class Transaction(Writer):
@@ -140,7 +138,7 @@ class Transaction(Writer):
     far. If the graph has changed by the end, it is all done again on what is there then.
     """
 
-    __slots__ = ("_attempt", "_done", "_error", "_is_over")
+    __slots__ = ("_attempt", "_done", "_error")
 
     def __init__(self, attempt: Callable[[Operation], Any]) -> None:
         """Begin with no change.
@@ -148,19 +146,17 @@ class Transaction(Writer):
         Args:
             attempt: applies an operation to a draft that nobody else sees.
         """
+        super().__init__(self._do)
         self._attempt = attempt
         self._done: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
-        self._is_over = False
 
     @property
     def operations(self) -> tuple[Operation, ...]:
         """Return what has been done in it so far."""
         return tuple(operation for operation, _ in self._done)
 
-    def _apply(self, verb: Verb, *given: Any) -> Any:
-        if self._is_over:
-            raise PermissionError("this transaction is over: begin another")
+    def _do(self, verb: Verb, given: tuple[Any, ...]) -> Any:
         operation = Operation(verb, given)
         try:
             result = self._attempt(operation)
@@ -172,7 +168,7 @@ class Transaction(Writer):
 
     def end(self) -> None:
         """Take no more changes."""
-        self._is_over = True
+        self._apply = _over
 
     def check(self) -> None:
         """Raise what a change raised, though the program may have caught it: then nothing becomes visible."""
@@ -188,6 +184,10 @@ class Transaction(Writer):
         for operation, result in self._done:
             if operation.apply(draft) != result:
                 raise ConflictError("the task was handed over otherwise while the transaction was made")
+
+
+def _over(_verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
+    raise PermissionError("this transaction is over: begin another")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +214,7 @@ class Means:
 class AgentHandle(Writer):
     """The handle of one agent: what it writes carries its name, and no other handle of this name is open."""
 
-    __slots__ = ("__weakref__", "_commit", "_means", "_name")
+    __slots__ = ("__weakref__", "_means", "_name")
 
     def __init__(self, name: str, means: Means) -> None:
         """Write for an agent.
@@ -223,9 +223,9 @@ class AgentHandle(Writer):
             name: of the agent.
             means: by which it does so.
         """
+        super().__init__(means.commit)
         self._name = name
         self._means = means
-        self._commit = means.commit
 
     @property
     def name(self) -> str:
@@ -271,6 +271,3 @@ class AgentHandle(Writer):
             RuleError: at the beginning of the statement, if what must hold before does not.
         """
         return self._means.act(rule)
-
-    def _apply(self, verb: Verb, *given: Any) -> Any:
-        return self._commit(verb, given)

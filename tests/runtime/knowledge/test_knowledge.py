@@ -29,6 +29,7 @@ from codra_dsl.runtime.knowledge.declarations import (
     NodeTypeModel,
     TaskModel,
     by,
+    path,
 )
 from codra_dsl.runtime.model import integer
 from tests.runtime.knowledge.store import STORE, store
@@ -108,6 +109,26 @@ def test_a_node_that_comes_again_knows_nothing_of_the_one_before() -> None:
     people.delete_node("anna")
     people.insert_node("anna", "person")
     assert knowledge.get("anna", "height").reason is Reason.NEVER_OBSERVED
+
+
+def test_a_snapshot_finds_its_nodes_and_edges_after_thousands_came_and_went() -> None:
+    knowledge = store()
+    people = knowledge.as_agent("person_detection")
+    kept = []
+    for number in range(3000):
+        name = f"person_{number % 1700}"
+        people.insert_node(name, "person")
+        people.insert_edge(name, "close_to", "robot")
+        if number % 500 == 0:
+            kept.append((name, knowledge.snapshot()))
+        people.delete_node(name)
+    people.insert_node("anna", "person")
+    for name, seen in kept:
+        assert names(seen.nodes("person")) == [name]
+        assert names(seen.edges(target="robot")) == [f"{name} -close_to-> robot"]
+        assert seen.holds(path(name, "close_to", "robot"))
+    assert names(knowledge.snapshot().nodes("person")) == ["anna"]
+    assert not knowledge.snapshot().edges("close_to")
 
 
 # Attributes
