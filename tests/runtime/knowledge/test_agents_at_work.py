@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import Became, Change, RuleError, Stage
+from codra_dsl.runtime.knowledge import AgentTakenError, Became, Change, RuleError, Stage
 from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
 from codra_dsl.runtime.replay import replay
 from tests.runtime.journals import read
@@ -94,6 +95,21 @@ def test_an_agent_whose_handle_is_closed_is_woken_no_more_and_begins_nothing() -
         for begin in (lambda: detection.on_wake(print), lambda: detection.graph.transaction().__enter__()):
             with pytest.raises(PermissionError, match="is closed"):
                 begin()
+
+
+def test_an_agent_that_waits_to_be_woken_is_taken_though_its_handle_was_dropped() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        waiting = codra.agent("container_detection").on_wake(lambda _: told.append("the first"))
+        gc.collect()
+        with pytest.raises(AgentTakenError):
+            codra.agent("container_detection")
+        codra.agent("picking").graph.request("detecting")
+        clock.sleep(0.1)
+        waiting.unsubscribe()
+        codra.agent("container_detection").on_wake(lambda _: told.append("the next"))
+        clock.sleep(0.1)
+    assert told == ["the first", "the next"]
 
 
 def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
