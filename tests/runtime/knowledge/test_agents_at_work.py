@@ -145,8 +145,10 @@ def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -
         codra.agent("picking").graph.request("detecting")
         people.insert_node("him", "person")
         people.insert_edge("him", "close_to", "robot")
-        with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
+        there = "not some person -close_to-> robot does not hold: there is him -close_to-> robot"
+        with pytest.raises(RuleError, match=there):
             detection.acting("detect").__enter__()
+        assert there in str(codra.why("container_detection.detect"))
         assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["container_detection"] * 2
         events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in events] == ["refused", "refused"]
@@ -179,6 +181,40 @@ def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_a
         assert codra.knowledge.snapshot().handover("detecting").stage is Stage.IS
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
+
+
+def test_a_rule_that_needs_some_of_a_type_tells_that_there_is_none() -> None:
+    looks = RuleModel(name="detect", before=(path("robot", "close_to", some("roll_container")),))
+    model = replace(AT_WORK, agents=(AgentModel(name="container_detection", rules=(looks,)),))
+    with ContextManager[str, str](MODEL, clock=SimClock(), resources={}, knowledge=model) as codra:
+        detection = codra.agent("container_detection").graph
+        told = "robot -close_to-> some roll_container does not hold"
+        with pytest.raises(RuleError, match=f"{told}: there is no roll_container$"):
+            detection.acting("detect").__enter__()
+        detection.insert_node("box", "roll_container")
+        with pytest.raises(RuleError, match=f"{told}$"):
+            detection.acting("detect").__enter__()
+
+
+def test_a_pattern_with_a_type_that_is_misspelt_is_no_pattern_that_never_holds() -> None:
+    with store(SimClock()) as codra:
+        now = codra.knowledge.snapshot()
+        for pattern in (path("robot", "close_to", some("persn")), absent(some("persn"), "close_to", "robot")):
+            with pytest.raises(UnknownNameError, match="no type of nodes 'persn': did you mean 'person'"):
+                now.holds(pattern)
+
+
+def test_why_asks_for_a_name_where_a_pattern_would_ask_for_some_of_a_type() -> None:
+    with store(SimClock()) as codra:
+        with pytest.raises(
+            UnknownNameError, match="ask about one roll_container by its name; there was none up to then"
+        ):
+            codra.why("robot -close_to-> some roll_container")
+        detection = codra.agent("container_detection").graph
+        detection.insert_node("crate", "roll_container")
+        detection.insert_node("box", "roll_container")
+        with pytest.raises(UnknownNameError, match=r"'some roll_container' is no one thing.*; there were box, crate$"):
+            codra.why("some roll_container")
 
 
 def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:
