@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Annotated
@@ -16,8 +18,11 @@ if TYPE_CHECKING:
     from codra_dsl.runtime import Journal
     from codra_dsl.runtime.journal import Event
     from codra_dsl.runtime.journal.head import Head
+    from codra_dsl.runtime.knowledge import KnowledgeModel
     from codra_dsl.runtime.outline import Outline, Place
     from codra_dsl.runtime.replay import Build, Difference, Replayed
+
+    Begin = Callable[[KnowledgeModel | None], KnowledgeModel | None]
 
 Package = Annotated[
     Path | None,
@@ -32,6 +37,16 @@ SpecOption = Annotated[
     Path | None,
     typer.Option("--spec", metavar="SPEC", help="Compile this spec and take that instead.", show_default=False),
 ]
+Dsr = Annotated[
+    Path | None,
+    typer.Option(
+        "--dsr", metavar="FILE", help="The graph of DSR with which the run began, as JSON.", show_default=False
+    ),
+]
+UnitM = Annotated[
+    float,
+    typer.Option("--dsr-unit-m", metavar="METRES", help="How many metres the unit of its translations is.", min=0.0),
+]
 Copy = Annotated[
     Path | None,
     typer.Option("--journal", metavar="FILE", help="Write what is derived as a journal.", show_default=False),
@@ -41,12 +56,18 @@ _MOST_CHANGES = 5
 
 
 def replay_command(
-    file: JournalFile, *, package: Package = None, spec: SpecOption = None, journal: Copy = None
+    file: JournalFile,
+    *,
+    package: Package = None,
+    spec: SpecOption = None,
+    dsr: Dsr = None,
+    dsr_unit_m: UnitM = 0.001,
+    journal: Copy = None,
 ) -> None:
     """Derive variables and decisions anew from evidence. They are compared with those of the journal."""
     from codra_dsl.cli.journals import opened_journal, say_what_lacks
 
-    existing([path for path in (file, package, spec) if path is not None])
+    existing([path for path in (file, package, spec, dsr) if path is not None])
     if package is not None and spec is not None:
         raise typer.BadParameter("take either --package or --spec", param_hint="--spec")
     if journal is not None and journal.resolve() == file.resolve():
@@ -54,7 +75,8 @@ def replay_command(
     with opened_journal(file) as reader:
         head, events = reader.head(), tuple(reader.events())
         say_what_lacks(reader, events[-1].instant_s if events else head.start_s)
-    found = _replayed(head, events, package, spec, journal)
+    begin = _as_declared if dsr is None else partial(_begun_with, dsr, dsr_unit_m)
+    found = _replayed(head, events, package, spec, begin, journal)
     write_result(_told(found, head))
     raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
 
@@ -68,8 +90,24 @@ def _opened(path: Path | None) -> Journal | None:
         raise typer.BadParameter(f"cannot write '{path}': {error.strerror}", param_hint="--journal") from error
 
 
-def _replayed(
-    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, journal: Path | None
+def _as_declared(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
+    return knowledge
+
+
+def _begun_with(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
+    """Return what a spec says of knowledge, with what is there from the start by a file of DSR."""
+    from codra_dsl.runtime.exchange import ExchangeError, begun_with, read_dsr
+
+    if knowledge is None:
+        raise typer.BadParameter("the spec says nothing of knowledge", param_hint="--dsr")
+    try:
+        return begun_with(knowledge, read_dsr(dsr), unit_m=unit_m).model
+    except (ExchangeError, OSError) as error:
+        raise typer.BadParameter(str(error), param_hint="--dsr") from error
+
+
+def _replayed(  # noqa: PLR0917 - what the command was given
+    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, begin: Begin, journal: Path | None
 ) -> Replayed:
     import tempfile
 
@@ -85,7 +123,8 @@ def _replayed(
             raise typer.Exit(ExitCode.FAILED) from error
         _tell_versions(head, folder)
         try:
-            return _run(head, events, module, _opened(journal))
+            knowledge = begin(getattr(module, "KNOWLEDGE", None))
+            return _run(head, events, module, knowledge, _opened(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -99,10 +138,15 @@ def _manager_class(module: ModuleType) -> Build:
     return next((each for each in classes if each is not ContextManager), ContextManager)
 
 
-def _run(head: Head, events: tuple[Event, ...], module: ModuleType, copy: Journal | None) -> Replayed:
+def _run(
+    head: Head,
+    events: tuple[Event, ...],
+    module: ModuleType,
+    knowledge: KnowledgeModel | None,
+    copy: Journal | None,
+) -> Replayed:
     from codra_dsl.runtime.replay import replay
 
-    knowledge = getattr(module, "KNOWLEDGE", None)
     found = replay(head, events, module.MODEL, _manager_class(module), copy, knowledge)
     if copy is not None and copy.failure is not None:
         say(f"codra: '{copy.path}' is not whole: {copy.failure}")

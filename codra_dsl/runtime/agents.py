@@ -69,6 +69,8 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
     def on_wake(self, callback: Callable[[Change], object]) -> Subscription:
         """Call back when what wakes the agent comes to hold in the knowledge graph; see `AgentHandle.on_wake`.
 
+        The agent is taken until that is unsubscribed or its handle closed, also if nobody holds this object any more.
+
         Raises:
             LookupError: if the spec says nothing of knowledge.
         """

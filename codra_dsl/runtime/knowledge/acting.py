@@ -9,7 +9,7 @@ from enum import StrEnum
 from typing import Generic, Self, TypeVar
 
 from codra_dsl.logic import Term
-from codra_dsl.runtime.knowledge.declarations import Pattern, RuleModel
+from codra_dsl.runtime.knowledge.declarations import Absence, Path, Pattern, RuleModel
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.watching import Change
 from codra_dsl.runtime.subscriptions import Subscription
@@ -130,7 +130,22 @@ def lacking(snapshot: Snapshot, patterns: Sequence[Pattern]) -> str:
     if snapshot.holds(*patterns):
         return ""
     alone = next((pattern for pattern in patterns if not snapshot.holds(pattern)), None)
-    return "they do not hold together" if alone is None else f"{_text(alone)} does not hold"
+    return "they do not hold together" if alone is None else f"{_text(alone)} does not hold{_because(snapshot, alone)}"
+
+
+def _because(snapshot: Snapshot, pattern: Pattern) -> str:
+    """Return what is there that must not be, or of which there is none; empty where the pattern says enough."""
+    if isinstance(pattern, Absence):
+        found = snapshot.match(pattern.path)[0].edges
+        edges = " and ".join(f"{origin} -{label}-> {target}" for origin, label, target in found)
+        return f": there is {edges}" if edges else ""
+    places = pattern.places if isinstance(pattern, Path) else ()
+    for place in places:
+        if place.name and place.name not in snapshot:
+            return f": there is no {place.name}"
+        if place.type and not snapshot.nodes(place.type):
+            return f": there is no {place.type}"
+    return ""
 
 
 def _text(pattern: Pattern) -> str:

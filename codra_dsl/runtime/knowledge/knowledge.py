@@ -80,6 +80,7 @@ class Knowledge:
         self.moved: Callable[[Collection[Touched]], None] | None = None
         self._handles: weakref.WeakValueDictionary[str, AgentHandle] = weakref.WeakValueDictionary()
         self._handles_lock = threading.Lock()
+        self._woken: dict[int, AgentHandle] = {}  # who is called back has not dropped its handle
         self._write(START, partial(_begin, self.model))
 
     # Writing
@@ -228,9 +229,9 @@ class Knowledge:
                 check()
             return self._do(name, verb, given)
 
-        def wake(callback: Callable[[Change], object]) -> Subscription:
+        def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check()
-            wakes.append(self._on_wake(name, callback))
+            wakes.append(self._on_wake(handle, callback))
             return wakes[-1]
 
         def close() -> None:
@@ -252,9 +253,9 @@ class Knowledge:
         )
         return AgentHandle(name, means)
 
-    def _on_wake(self, agent: str, callback: Callable[[Change], object]) -> Subscription:
-        wakes = tuple(pattern for each in self.model.agents if each.name == agent for pattern in each.wakes)
-        return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback))
+    def _on_wake(self, handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
+        wakes = tuple(pattern for each in self.model.agents if each.name == handle.name for pattern in each.wakes)
+        return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback), for_whom=handle)
 
     def _acting(self, agent: str, check: Callable[[], None], name: str) -> Acting[Transaction]:
         rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
@@ -396,9 +397,17 @@ class Knowledge:
         touched: Iterable[Touched],
         look: Callable[[Snapshot], Sight[SeenT]],
         tell: Callable[[Snapshot, SeenT], None],
+        for_whom: AgentHandle | None = None,
     ) -> Subscription:
         keys = list(touched)
-        watch: Watch[SeenT] = Watch(self._clock, self.snapshot, look, tell, lambda: self._watches.remove(watch, keys))
+
+        def end() -> None:
+            self._watches.remove(watch, keys)
+            self._woken.pop(id(watch), None)
+
+        watch: Watch[SeenT] = Watch(self._clock, self.snapshot, look, tell, end)
+        if for_whom is not None:
+            self._woken[id(watch)] = for_whom
         self._watches.add(watch, keys)
         watch.changed()
         return watch.subscription

@@ -50,10 +50,15 @@ def matches(snapshot: Snapshot, words: Words, patterns: Sequence[Pattern]) -> tu
 
     Raises:
         TypeError: if one of them is no pattern.
+        UnknownNameError: if one of them names a type that is not declared.
     """
     wrong = [each for each in patterns if not isinstance(each, Pattern)]
     if wrong:
         raise TypeError(f"a pattern is a path, an absence or a condition, not {wrong[0]!r}")
+    for path in (each.path if isinstance(each, Absence) else each for each in patterns):
+        for place in path.places if isinstance(path, Path) else ():
+            if place.type:
+                words.node_type(place.type)  # else a type that is misspelt would be one of which there is no node
     judges = [each for each in patterns if not isinstance(each, Path)]
     return tuple(
         dict.fromkeys(

@@ -197,7 +197,7 @@ class Means:
     Attributes:
         commit: does something as this agent.
         transact: begins a transaction of this agent.
-        wake: calls back when the agent is to wake.
+        wake: calls back when the agent is to wake, and keeps the handle until that ends.
         act: returns the action of a rule, by its name.
         close: is called when the handle is not used any more.
         check_open: raises `PermissionError` from then on.
@@ -205,7 +205,7 @@ class Means:
 
     commit: Apply
     transact: Callable[[], AbstractContextManager[Transaction]]
-    wake: Callable[[Callable[[Change], object]], Subscription]
+    wake: Callable[[AgentHandle, Callable[[Change], object]], Subscription]
     act: Callable[[str], Acting[Transaction]]
     close: Callable[[], None]
     check_open: Callable[[], None]
@@ -260,8 +260,10 @@ class AgentHandle(Writer):
         The callback runs without any lock, one call at a time: in real time in a thread of its own, in simulated time
         as an event at the instant of the change, which must not wait. What it raises is logged. While it runs the graph
         may change; it is then called once more, with how things are.
+
+        Until it is unsubscribed, or the handle closed, the handle is held: nobody else gets the agent meanwhile.
         """
-        return self._means.wake(callback)
+        return self._means.wake(self, callback)
 
     def acting(self, rule: str) -> Acting[Transaction]:
         """Begin, by a `with` statement, an action of which a rule of this agent tells.

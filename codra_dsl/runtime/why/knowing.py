@@ -10,7 +10,7 @@ from codra_dsl.logic import Value
 from codra_dsl.runtime.cell import FOREVER_S, Reading, Reason
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.ledger import Ledger
-from codra_dsl.runtime.names import unknown
+from codra_dsl.runtime.names import UnknownNameError, unknown
 from codra_dsl.runtime.outline import Outline, Place
 from codra_dsl.runtime.why.values import Why, instant, shown
 
@@ -25,6 +25,9 @@ _DOING = {
 _STEPS = {"wants": "asked for", "is": "begun", "finished": "finished", "aborted": "aborted"}
 
 _ASKED = re.compile(r"\b(?:distance|in_view)\((\w+), (\w+)\)")
+
+_SOME = re.compile(r"\bsome (\w+)")
+_MOST_NAMED = 10
 
 _Past = Mapping[str, Event]
 """The last event of each kind that became of one thing, the latest last."""
@@ -94,7 +97,21 @@ def _named(ledger: Ledger, name: str) -> str:
         is_between = arrow and other.startswith(f"{origin} -") and other.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in past.values()):
             return other
-    raise unknown("variable, and no knowledge up to then,", name, ledger.knowledge)
+    raise _of_no_one_thing(ledger, name) or unknown("variable, and no knowledge up to then,", name, ledger.knowledge)
+
+
+def _of_no_one_thing(ledger: Ledger, name: str) -> UnknownNameError | None:
+    """Return the error about what is asked as patterns ask, of some node of a type; None where a name is asked."""
+    found = _SOME.search(name)
+    if found is None:
+        return None
+    nodes = [
+        node
+        for node, past in ledger.knowledge.items()
+        if any(each.what == "node_inserted" and each.details.get("type") == found[1] for each in past.values())
+    ]
+    those = f"there were {', '.join(sorted(nodes)[:_MOST_NAMED])}" if nodes else "there was none up to then"
+    return UnknownNameError(f"{name!r} is no one thing: ask about one {found[1]} by its name; {those}")
 
 
 def _reading(name: str, past: _Past, ledger: Ledger, at_s: float) -> Reading[Value]:

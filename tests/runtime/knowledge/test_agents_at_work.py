@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import Became, Change, RuleError, Stage
+from codra_dsl.runtime.knowledge import AgentTakenError, Became, Change, RuleError, Stage
 from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
 from codra_dsl.runtime.replay import replay
 from tests.runtime.journals import read
@@ -96,6 +97,21 @@ def test_an_agent_whose_handle_is_closed_is_woken_no_more_and_begins_nothing() -
                 begin()
 
 
+def test_an_agent_that_waits_to_be_woken_is_taken_though_its_handle_was_dropped() -> None:
+    clock, told = SimClock(), []
+    with store(clock) as codra:
+        waiting = codra.agent("container_detection").on_wake(lambda _: told.append("the first"))
+        gc.collect()
+        with pytest.raises(AgentTakenError):
+            codra.agent("container_detection")
+        codra.agent("picking").graph.request("detecting")
+        clock.sleep(0.1)
+        waiting.unsubscribe()
+        codra.agent("container_detection").on_wake(lambda _: told.append("the next"))
+        clock.sleep(0.1)
+    assert told == ["the first", "the next"]
+
+
 def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_path: Path) -> None:
     clock = SimClock()
     with store(clock, Journal(tmp_path / "run.mcap")) as codra:
@@ -129,8 +145,10 @@ def test_what_must_hold_before_keeps_an_action_from_beginning_and_is_audited() -
         codra.agent("picking").graph.request("detecting")
         people.insert_node("him", "person")
         people.insert_edge("him", "close_to", "robot")
-        with pytest.raises(RuleError, match="not some person -close_to-> robot does not hold"):
+        there = "not some person -close_to-> robot does not hold: there is him -close_to-> robot"
+        with pytest.raises(RuleError, match=there):
             detection.acting("detect").__enter__()
+        assert there in str(codra.why("container_detection.detect"))
         assert [refusal.agent for refusal in codra.knowledge.refusals()] == ["container_detection"] * 2
         events = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in events] == ["refused", "refused"]
@@ -163,6 +181,40 @@ def test_nobody_comes_between_the_check_of_a_rule_and_the_first_changes_of_its_a
         assert codra.knowledge.snapshot().handover("detecting").stage is Stage.IS
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, MODEL, ContextManager[str, str], None, AT_WORK).difference is None
+
+
+def test_a_rule_that_needs_some_of_a_type_tells_that_there_is_none() -> None:
+    looks = RuleModel(name="detect", before=(path("robot", "close_to", some("roll_container")),))
+    model = replace(AT_WORK, agents=(AgentModel(name="container_detection", rules=(looks,)),))
+    with ContextManager[str, str](MODEL, clock=SimClock(), resources={}, knowledge=model) as codra:
+        detection = codra.agent("container_detection").graph
+        told = "robot -close_to-> some roll_container does not hold"
+        with pytest.raises(RuleError, match=f"{told}: there is no roll_container$"):
+            detection.acting("detect").__enter__()
+        detection.insert_node("box", "roll_container")
+        with pytest.raises(RuleError, match=f"{told}$"):
+            detection.acting("detect").__enter__()
+
+
+def test_a_pattern_with_a_type_that_is_misspelt_is_no_pattern_that_never_holds() -> None:
+    with store(SimClock()) as codra:
+        now = codra.knowledge.snapshot()
+        for pattern in (path("robot", "close_to", some("persn")), absent(some("persn"), "close_to", "robot")):
+            with pytest.raises(UnknownNameError, match="no type of nodes 'persn': did you mean 'person'"):
+                now.holds(pattern)
+
+
+def test_why_asks_for_a_name_where_a_pattern_would_ask_for_some_of_a_type() -> None:
+    with store(SimClock()) as codra:
+        with pytest.raises(
+            UnknownNameError, match="ask about one roll_container by its name; there was none up to then"
+        ):
+            codra.why("robot -close_to-> some roll_container")
+        detection = codra.agent("container_detection").graph
+        detection.insert_node("crate", "roll_container")
+        detection.insert_node("box", "roll_container")
+        with pytest.raises(UnknownNameError, match=r"'some roll_container' is no one thing.*; there were box, crate$"):
+            codra.why("some roll_container")
 
 
 def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> None:
