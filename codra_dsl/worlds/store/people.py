@@ -15,6 +15,7 @@ import networkx as nx
 
 from codra_dsl.worlds.store.geometry import Disc, Point
 from codra_dsl.worlds.store.layout import BACK_Y_M, CORRIDORS_X_M, FRONT_Y_M
+from codra_dsl.worlds.store.routes import clearance_m
 
 PERSON_RADIUS_M = 0.25
 KEEP_OFF_M = 0.3
@@ -24,7 +25,10 @@ KEEP_RIGHT_M = 0.7
 """So far to the right of the middle of a corridor people walk."""
 
 PATIENCE_S = 4.0
-"""How long one waits for the robot before one turns round."""
+"""How long the robot may be in one's way before one turns round."""
+
+ASIDE_RAD = (-0.5, 0.5, -1.0, 1.0, -1.4, 1.4)
+"""How far aside one steps to get past the robot: to the right first."""
 
 AVOID_M = 2.5
 """Who turns round keeps so far from where the robot was in the way, as far as there is another way."""
@@ -64,17 +68,36 @@ class Person:
         return Disc(self.at_m, PERSON_RADIUS_M)
 
     def step(self, duration_s: float, distance_to_robot_m: Callable[[Point], float]) -> None:
-        """Walk on, unless the robot is in the way."""
+        """Walk on; where the robot is in the way, round it as far as there is room, else wait."""
         left_m = _distance_m(self.at_m, self._goal)
         if left_m < 1e-9:
             self._stand(duration_s)
             return
-        there = _towards(self.at_m, self._goal, min(self.speed_m_s * duration_s, left_m))
-        is_closer = distance_to_robot_m(there) < distance_to_robot_m(self.at_m)
-        if is_closer and distance_to_robot_m(there) < KEEP_OFF_M:
-            self._wait(duration_s, there)
-        else:
+        step_m = min(self.speed_m_s * duration_s, left_m)
+        there = _towards(self.at_m, self._goal, step_m)
+        if self._may_go(there, distance_to_robot_m):
             self.at_m, self._waited_s = there, 0.0
+            return
+        aside = self._aside(step_m, distance_to_robot_m)
+        if aside is not None:
+            self.at_m = aside
+        self._wait(duration_s, there)
+
+    def _may_go(self, there: Point, distance_to_robot_m: Callable[[Point], float]) -> bool:
+        gap_m = distance_to_robot_m(there)
+        return gap_m >= KEEP_OFF_M or gap_m >= distance_to_robot_m(self.at_m)
+
+    def _aside(self, step_m: float, distance_to_robot_m: Callable[[Point], float]) -> Point | None:
+        """Return a step past the robot that leads nearer to the goal, and not into a shelf."""
+        along_rad = atan2(self._goal[1] - self.at_m[1], self._goal[0] - self.at_m[0])
+        for turn_rad in ASIDE_RAD:
+            there = (
+                self.at_m[0] + cos(along_rad + turn_rad) * step_m,
+                self.at_m[1] + sin(along_rad + turn_rad) * step_m,
+            )
+            if self._may_go(there, distance_to_robot_m) and clearance_m(there) >= PERSON_RADIUS_M:
+                return there
+        return None
 
     def _stand(self, duration_s: float) -> None:
         self._stay_s -= duration_s
@@ -97,12 +120,15 @@ def shopper(seed: int, number: int) -> Person:
 
 
 def crossing(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point) -> Person:
-    """Return somebody who comes to a place, crosses it again and again, and leaves."""
-    ends = list(ends_m)
+    """Return somebody who comes to a place, crosses it again and again, and leaves.
+
+    Whoever is in the way makes the person turn back, which is one crossing less.
+    """
+    left = iter([ends_m[index % len(ends_m)] for index in range(times)])
 
     def plan(_: Point, __: Point | None) -> Plan:
-        for index in range(times):
-            yield ends[index % len(ends)], 1.0
+        for end in left:
+            yield end, 1.0
         while True:
             yield leave_to_m, 3600.0
 

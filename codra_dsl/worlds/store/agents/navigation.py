@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from math import hypot
 
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock, Timer
@@ -19,7 +18,7 @@ from codra_dsl.worlds.store.body import Body, Outcome, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
-from codra_dsl.worlds.store.routes import LANE_M, NoRouteError, has_room, route
+from codra_dsl.worlds.store.routes import NoRouteError, route
 
 PERIOD_S = 0.5
 TRIES = 8
@@ -35,12 +34,8 @@ SETTLE_S = 1.0
 """So long it stands after a bump."""
 
 FACING_RAD = 0.03
-BACK_OFF_M = 0.5
-DRAW_BACK_M = 0.4
-"""So far it draws back from what it has bumped into, if there is so much room."""
-
-BACK_ROOM_M = 1.2
-"""No container may be known to stand nearer than this to where it backs off to."""
+DRAW_BACK_M = 0.5
+"""So far it draws back from what is in its way, if there is so much room."""
 
 
 class Navigation:
@@ -103,8 +98,7 @@ class Navigation:
         if abs(angle_rad) < FACING_RAD:
             self._arrived()
             return
-        again = partial(self._try_again, self._face, TRIES)
-        self._body.turn(angle_rad, self._ending(self._arrived, again, self._go_round))
+        self._body.turn(angle_rad, self._ending(self._arrived, self._go_round, self._go_round))
 
     def _back(self) -> None:
         """Back up to the goal, straight: what has bumped into something there must be measured anew by who sent it."""
@@ -113,18 +107,22 @@ class Navigation:
         self._body.drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, told))
 
     def _go_round(self) -> None:
-        """Back off, so that there is room to turn, and go another way."""
-        self._try_again(self._back_off, TRIES)
+        """Draw back, so that there is room to turn, and go another way."""
+        self._try_again(partial(self._draw_back, self._go_another_way), TRIES)
 
-    def _back_off(self) -> None:
-        robot = self._body.believed()
-        go_on = partial(self._go, obstacles(self._body, self._container_points()))
-        back_m = robot.out(-BACK_OFF_M)
-        is_free = all(hypot(back_m[0] - x, back_m[1] - y) > BACK_ROOM_M for x, y in self._container_points())
-        if is_free and has_room(robot.point_m, back_m, LANE_M):
-            self._body.drive((back_m,), Way.BACKWARD, self._ending(go_on, go_on, go_on))
-        else:
+    def _go_another_way(self) -> None:
+        self._go(obstacles(self._body, self._container_points()))
+
+    def _draw_back(self, go_on: Callable[[], None]) -> None:
+        """Drive a little to where there is more room, straight on or straight back, and go on from there."""
+        room = {way: room_m(self._body, way) for way in (Way.BACKWARD, Way.FORWARD)}
+        way = max(room, key=lambda each: min(room[each], DRAW_BACK_M))
+        length_m = min(DRAW_BACK_M, room[way])
+        if length_m <= 0.0:
             go_on()
+            return
+        there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
+        self._body.drive((there_m,), way, self._ending(go_on, go_on, go_on))
 
     # Ends
 
@@ -165,18 +163,7 @@ class Navigation:
         if self._bumps > MOST_BUMPS:
             self._task.finish("bumped")
             return
-        draw_back = partial(self._draw_back, go_on)
-        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, draw_back)
-
-    def _draw_back(self, go_on: Callable[[], None]) -> None:
-        room = {way: room_m(self._body, way) for way in Way}
-        way = max(Way, key=lambda each: room[each])
-        length_m = min(DRAW_BACK_M, room[way])
-        if length_m <= 0.0:
-            go_on()
-            return
-        there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
-        self._body.drive((there_m,), way, self._ending(go_on, go_on, go_on))
+        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, partial(self._draw_back, go_on))
 
     # What is known
 
