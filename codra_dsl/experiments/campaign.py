@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.experiment import AnyOutcome, AnyTrial
 from codra_dsl.experiments.records import TrialRecord, records_of
-from codra_dsl.experiments.trials import Trial
 from codra_dsl.experiments.workers import run_in_processes
 
 TRIALS = "trials"
@@ -44,8 +44,8 @@ class Progress:
 
 
 def run_campaign(
-    trials: Sequence[Trial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
-) -> Mapping[str, Outcome]:
+    trials: Sequence[AnyTrial], folder: Path, *, processes: int | None = None, progress: Callable[[Progress], None]
+) -> Mapping[str, Any]:
     """Run all trials that have not been run, and return what came of all, by name, in the order given.
 
     A trial was run if its record is there and was made from the same trial, spec, code and libraries. What it comes to
@@ -84,7 +84,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[Outcome]:
+def _run(missing: Sequence[TrialRecord], place: Path, processes: int) -> Iterator[AnyOutcome]:
     """Run trials; what is made on the way stands in a folder that is gone in the end, however that comes."""
     if not missing:
         return

@@ -149,6 +149,11 @@ class Outcome:
     skills: Sequence[tuple[str, float, float]]
     kept: Sequence[KeptFrame]
 
+    def files(self) -> Sequence[str]:
+        """Return the pictures that were kept, relative to the folder of the trial."""
+        told = [basis for each in self.decisions for basis in (*each.wrong.values(), each.wrong_answer)]
+        return [*(basis.frame for basis in told if basis and basis.frame), *(kept.file for kept in self.kept)]
+
     def to_json(self) -> str:
         """Return it as JSON."""
         return json.dumps(asdict(self), separators=(",", ":"))

@@ -13,8 +13,7 @@ from itertools import groupby
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from codra_dsl.experiments.document import Cell, Document, Drawing, Part, Photograph, Section, Table, Words
-from codra_dsl.experiments.experiment import Experiment
-from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.experiment import AnyOutcome, Experiment
 from codra_dsl.experiments.photographs import NoPictureError, developed
 from codra_dsl.experiments.provenance import Provenance
 
@@ -70,7 +69,7 @@ class _ShownSection:
 
 
 def render_page(
-    experiment: Experiment, document: Document, outcomes: Mapping[str, Outcome], provenance: Provenance
+    experiment: Experiment, document: Document, outcomes: Mapping[str, AnyOutcome], provenance: Provenance
 ) -> str:
     """Return a report as HTML.
 
@@ -216,12 +215,12 @@ def _made_with(made: Provenance) -> Section:
     return Section(title="Made with", parts=[Table(caption=caption, header=("What", "Which"), rows=rows)])
 
 
-def _trials(outcomes: Mapping[str, Outcome]) -> Section:
+def _trials(outcomes: Mapping[str, AnyOutcome]) -> Section:
     rows = [
         (name, str(each.seed), f"{each.duration_s:.1f}", str(each.loops), str(each.frames), each.error)
         for name, each in outcomes.items()
     ]
     header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
     marked = frozenset((number, 5) for number, each in enumerate(outcomes.values()) if each.error)
-    caption = "All trials. Loops are those of the main execution; frames were rendered for perception."
+    caption = "All trials. Loops are those of the main execution, or missions; frames were rendered for perception."
     return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import platform
 import shutil
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 from hashlib import sha256
 from importlib import metadata
@@ -14,13 +14,12 @@ from pathlib import Path
 import codra_dsl
 from codra_dsl.compiler import plan_paths
 from codra_dsl.diagnostics import has_errors
-from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.experiment import AnyOutcome, AnyTrial
 from codra_dsl.experiments.spec_run import SpecError
-from codra_dsl.experiments.trials import Trial, run_trial
 from codra_dsl.project import root_of
 
-_LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-python", "py_trees"})
-"""What a frame and what is seen in it are computed with."""
+_LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-python", "py_trees", "networkx"})
+"""What a frame, what is seen in it, and ways in the store are computed with."""
 
 
 class ChangedMeanwhileError(Exception):
@@ -38,7 +37,7 @@ class TrialRecord:
         digest: of all that the trial is made from.
     """
 
-    trial: Trial
+    trial: AnyTrial
     folder: Path
     digest: str
 
@@ -57,16 +56,16 @@ class TrialRecord:
         """Return the folder of the frames."""
         return self.folder / self.trial.name
 
-    def read(self) -> Outcome | None:
+    def read(self) -> AnyOutcome | None:
         """Return what is kept; None if there is nothing, it is damaged, or was made from something else."""
         try:
             head, _, text = self.path.read_text(encoding="utf-8").partition("\n")
             if head != self._head(text):
                 return None
-            outcome = Outcome.from_json(text)
+            outcome = self.trial.outcome(text)
         except (OSError, ValueError, TypeError, LookupError, AttributeError):
             return None
-        return outcome if all((self.frames / name).is_file() for name in _frames_of(outcome)) else None
+        return outcome if all((self.frames / name).is_file() for name in outcome.files()) else None
 
     def make(self, staging: Path) -> None:
         """Run the trial and keep what came of it, all or nothing.
@@ -77,7 +76,7 @@ class TrialRecord:
         Raises:
             ChangedMeanwhileError: if it is not known what it was made from.
         """
-        text = run_trial(self.trial, staging / "frames").to_json()
+        text = self.trial.run(staging / "frames").to_json()
         if _digest_of_trial(self.trial, _spec_digest(self.trial.spec)) != self.digest:
             raise ChangedMeanwhileError("its spec, or code that it depends on, was changed while it ran")
         (staging / "record").write_text(f"{self._head(text)}\n{text}", encoding="utf-8")
@@ -92,14 +91,7 @@ class TrialRecord:
         return f"{self.digest} {sha256(text.encode()).hexdigest()}"
 
 
-def _frames_of(outcome: Outcome) -> Iterator[str]:
-    for decision in outcome.decisions:
-        told = (*decision.wrong.values(), decision.wrong_answer)
-        yield from (basis.frame for basis in told if basis is not None and basis.frame)
-    yield from (kept.file for kept in outcome.kept)
-
-
-def records_of(trials: Sequence[Trial], folder: Path) -> Sequence[TrialRecord]:
+def records_of(trials: Sequence[AnyTrial], folder: Path) -> Sequence[TrialRecord]:
     """Return where trials are kept.
 
     Raises:
@@ -110,8 +102,8 @@ def records_of(trials: Sequence[Trial], folder: Path) -> Sequence[TrialRecord]:
     return [TrialRecord(trial=each, folder=folder, digest=_digest_of_trial(each, specs[each.spec])) for each in trials]
 
 
-def _digest_of_trial(trial: Trial, spec_digest: str) -> str:
-    told = repr(replace(trial, spec=Path(trial.spec.name)))
+def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
+    told = repr(trial).replace(repr(trial.spec), repr(Path(trial.spec.name)))
     if " at 0x" in told:
         raise ValueError(f"the trial '{trial.name}' is told by addresses, which mean nothing in another run: {told}")
     return sha256("\n".join((told, spec_digest, code_digest(), _libraries())).encode()).hexdigest()

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from codra_dsl.experiments.document import Document
-from codra_dsl.experiments.experiment import Experiment
-from codra_dsl.experiments.outcomes import Outcome
+from codra_dsl.experiments.experiment import AnyOutcome, Experiment
 from codra_dsl.experiments.page import render_page
 from codra_dsl.experiments.provenance import Provenance
 
@@ -22,7 +21,7 @@ def write_results(
     folder: Path,
     experiment: Experiment,
     document: Document,
-    outcomes: Mapping[str, Outcome],
+    outcomes: Mapping[str, AnyOutcome],
     provenance: Provenance,
 ) -> Sequence[Path]:
     """Write the page and the data into a folder, both or neither changed; return their paths.
@@ -43,7 +42,9 @@ def write_results(
     return list(texts)
 
 
-def as_json(experiment: Experiment, document: Document, outcomes: Mapping[str, Outcome], provenance: Provenance) -> str:
+def as_json(
+    experiment: Experiment, document: Document, outcomes: Mapping[str, AnyOutcome], provenance: Provenance
+) -> str:
     """Return the results as JSON in the form of `results.schema.json`, without anything that differs from run to run.
 
     Raises:

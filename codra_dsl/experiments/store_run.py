@@ -50,6 +50,7 @@ class StoreRunSettings:
         progress: is told the present instant now and then.
         journal: where it goes, if anywhere.
         page: None if there is none.
+        opened: is told the shop before anything happens in it, to follow it or to let more happen.
     """
 
     shop: StoreSettings = field(default_factory=StoreSettings)
@@ -58,6 +59,7 @@ class StoreRunSettings:
     progress: Callable[[float], None] = lambda _: None
     journal: Path | None = None
     page: PageSettings | None = None
+    opened: Callable[[Store], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,11 +68,13 @@ class StoreRun:
 
     Attributes:
         orders: how many there were, by what became of them.
+        record: what was told of the run: the newest of it, if it is very much.
     """
 
     duration_s: float
     score: Score
     orders: Mapping[str, int]
+    record: Record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +111,13 @@ def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
         record = Record() if settings.journal is None else Journal(settings.journal)
         codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
         store = Store(clock, settings.shop, codra.knowledge)
+        settings.opened(store)
         serve = _serving(compiled, codra, clock, stack)
         act = _page(store, codra, settings.page, stack)
         Beat(clock, _real(settings.pace, stack), lambda: _beat(act, settings.progress, clock))
         with suppress(TimeIsUp):
             serve()
-        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store))
+        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store), record=record)
 
 
 def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:

@@ -60,6 +60,14 @@ class Trial:
     duration_s: float | None = None
     frames_kept: int = 0
 
+    def run(self, folder: Path) -> Outcome:
+        """Run it; frames that are kept go to the folder."""
+        return run_trial(self, folder)
+
+    def outcome(self, text: str) -> Outcome:
+        """Return what its outcome's `to_json` wrote."""
+        return Outcome.from_json(text)
+
 
 def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
     """Run a trial, and keep frames of what was decided wrongly and of evidence to be looked at again.

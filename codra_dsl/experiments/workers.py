@@ -17,11 +17,10 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
 import codra_dsl
+from codra_dsl.experiments.experiment import AnyOutcome, AnyTrial
 from codra_dsl.experiments.interrupts import interrupts_held_back
-from codra_dsl.experiments.outcomes import Outcome
 from codra_dsl.experiments.records import ChangedMeanwhileError, TrialRecord
 from codra_dsl.experiments.spec_run import SpecError
-from codra_dsl.experiments.trials import Trial
 from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
 from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
 
@@ -49,7 +48,7 @@ class TrialError(Exception):
         details: the file that tells more; None if there is no more to tell.
     """
 
-    def __init__(self, trial: Trial, reason: str, details: Path | None) -> None:
+    def __init__(self, trial: AnyTrial, reason: str, details: Path | None) -> None:
         super().__init__(f"trial '{trial.name}' (seed {trial.seed}): {reason}")
         self.trial = trial
         self.reason = reason
@@ -87,7 +86,7 @@ class _Worker:
     process: SpawnProcess
     told: connection.Connection
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> AnyOutcome:
         """Return what came of the trial, once the process has said something or ended.
 
         Raises:
@@ -115,7 +114,7 @@ class _Worker:
         self.told.close()
 
 
-def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[Outcome]:
+def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: int) -> Iterator[AnyOutcome]:
     """Run trials, so many at once, in the order given; yield what came of each when it is done.
 
     Args:

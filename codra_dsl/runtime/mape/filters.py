@@ -42,6 +42,9 @@ class Because(StrEnum):
     NOTHING_KNOWN = "nothing_known"
     """No weight is known."""
 
+    PLANNER = "planner"
+    """A planner that took the place of the spec's says so."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracked:

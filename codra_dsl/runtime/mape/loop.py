@@ -21,9 +21,8 @@ from codra_dsl.runtime.context import ContextManager
 from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.mape.execution import Execution
-from codra_dsl.runtime.mape.keeping import keeping
 from codra_dsl.runtime.mape.places import placed
-from codra_dsl.runtime.mape.planning import Planning, Setting, Written
+from codra_dsl.runtime.mape.planning import Planner, Planners, Planning, Setting, Written
 from codra_dsl.runtime.mape.telling import chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.outline import package_folder, places_in
@@ -44,7 +43,13 @@ class Mape:
     """
 
     def __init__(
-        self, codra: Manager, model: MapeModel, *, clock: Clock, robot: Leaves | Mapping[str, Leaves] | None = None
+        self,
+        codra: Manager,
+        model: MapeModel,
+        *,
+        clock: Clock,
+        robot: Leaves | Mapping[str, Leaves] | None = None,
+        planner: Planners = Planning,
     ) -> None:
         """Make the loops; nothing runs before `start`.
 
@@ -54,6 +59,7 @@ class Mape:
             clock: the one of `codra`.
             robot: gives each leaf of the trees its action, or by the name of each tree what does, where leaves of one
                 name are different actions in different trees; may be left out where there are no trees.
+            planner: makes what analyses and decides for each loop.
 
         Raises:
             TreeError: if the robot lacks an action.
@@ -64,7 +70,11 @@ class Mape:
         self.model = model = placed(model, places_in(package_folder(codra), codra.model.name))
         self._pens = _Pens(codra, model)
         leaves = _by_tree(model, Robot() if robot is None else robot)
-        self._loops = {each.name: Loop(codra, model, each, clock, leaves, self._pens) for each in model.loops}
+        types = {each.name: each.type for each in codra.model.variables}
+        self._loops = {
+            each.name: Loop(codra, model, each, clock, leaves, self._pens, planner(model, each, types))
+            for each in model.loops
+        }
 
     def __enter__(self) -> Self:
         self.start()
@@ -150,7 +160,14 @@ class Loop:
     """
 
     def __init__(  # noqa: PLR0917 - what Mape was given
-        self, codra: Manager, model: MapeModel, loop: LoopModel, clock: Clock, leaves: Mapping[str, Leaves], pens: _Pens
+        self,
+        codra: Manager,
+        model: MapeModel,
+        loop: LoopModel,
+        clock: Clock,
+        leaves: Mapping[str, Leaves],
+        pens: _Pens,
+        planning: Planner,
     ) -> None:
         """Make a loop that does not run yet; it raises what `Mape` does."""
         self._codra = codra
@@ -159,7 +176,7 @@ class Loop:
         self._clock = clock
         self._pens = pens
         _check_names(model, loop)
-        self.planning = Planning(model, loop, {each.name: each.type for each in codra.model.variables})
+        self.planning = planning
         self.trees = {
             each.name: self._execution(each, leaves[each.name]) for each in model.trees if each.name in loop.execute
         }
@@ -326,7 +343,7 @@ class Loop:
     def _explain(self, decision: Decision) -> None:
         """Tell what would have kept a course: after all that must not wait for it."""
         course = self.planning.courses[decision.course]
-        found = keeping(self._model, course, decision, self.planning.asked_by_rules(course))
+        found = self.planning.kept_by(decision)
         about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
         self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
 

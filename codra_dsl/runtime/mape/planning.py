@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
@@ -22,6 +22,7 @@ from codra_dsl.runtime.mape.declarations import (
 )
 from codra_dsl.runtime.mape.filters import JUST_AFTER_S
 from codra_dsl.runtime.mape.fuzzy.bounds import Bounds
+from codra_dsl.runtime.mape.keeping import Keeping, keeping
 from codra_dsl.runtime.mape.observations import Observation, Scene, SceneScope, rate
 from codra_dsl.runtime.model import ValueType
 
@@ -90,6 +91,40 @@ class Plan:
     due_s: float
 
 
+class Planner(Protocol):
+    """What analyses and decides for one loop. `Planning` does as the spec says; another may take its place."""
+
+    @property
+    def courses(self) -> Mapping[str, CourseModel]:
+        """Return the courses that it decides on, by name."""
+        ...
+
+    @property
+    def decisions(self) -> Mapping[str, Sequence[Decision]]:
+        """Return the newest decisions of each course, the oldest first."""
+        ...
+
+    def standing(self, course: str) -> Standing:
+        """Return how a course stands."""
+        ...
+
+    def watches(self) -> tuple[str, ...]:
+        """Return the variables whose changes call for an analysis."""
+        ...
+
+    def plan(self, context: Context, now_s: float) -> Plan:
+        """Analyse what is known now, and decide; nothing is written but by who asks."""
+        ...
+
+    def kept_by(self, decision: Decision) -> tuple[Keeping, ...]:
+        """Return what would have kept the course that a decision left."""
+        ...
+
+
+Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
+"""Makes the planner of a loop: of the model of all loops, that of the loop, and the types of the context-variables."""
+
+
 @dataclass(slots=True)
 class _Parameter:
     value: Value | None = None
@@ -127,7 +162,12 @@ class Planning:
         """Return the variables whose changes call for an analysis."""
         return tuple(name for name in self._reads if name not in self._rates)
 
-    def asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
+    def kept_by(self, decision: Decision) -> tuple[Keeping, ...]:
+        """Return what would have kept the course that a decision left."""
+        course = self.courses[decision.course]
+        return keeping(self._model, course, decision, self._asked_by_rules(course))
+
+    def _asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
         """Return what the hard rules of a course read, as inputs."""
         names = sorted({name for rule in course.always for name in rule.condition.variables()} - self._judged())
         return tuple(_as_input(name, self._types[name]) for name in names if _is_bounded(self._types[name]))

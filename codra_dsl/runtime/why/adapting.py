@@ -18,6 +18,7 @@ _REASONS = {
     "leads": "it weighed more for as long as is to be held",
     "worse": "it weighed more, and a metric has become worse, which breaks the dwell",
     "nothing_known": "no weight was known",
+    "planner": "a planner that took the place of the spec's chose it",
 }
 
 

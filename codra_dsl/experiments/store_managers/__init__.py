@@ -1,0 +1,1 @@
+"""What loops are worth: four managers in the same shop."""
