@@ -1,4 +1,4 @@
-"""`codra experiment`: many runs in the laboratory, and a report of what they come to."""
+"""`codra experiment`: many runs in a simulated world, and a report of what they come to."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
-from codra_dsl.cli.lab import lab_spec, made_folder
+from codra_dsl.cli.lab import lab_spec, made_folder, one_plan
 from codra_dsl.cli.options import ColourOption
 
 if TYPE_CHECKING:
     from codra_dsl.experiments.campaign import Progress
-    from codra_dsl.experiments.experiment import Experiment, Settings
-    from codra_dsl.experiments.outcomes import Outcome
-    from codra_dsl.experiments.trials import Trial
+    from codra_dsl.experiments.experiment import AnyOutcome, AnyTrial, Experiment, Settings
     from codra_dsl.experiments.workers import TrialError
 
 Name = Annotated[
@@ -32,7 +30,15 @@ Name = Annotated[
         show_default=False,
     ),
 ]
-SpecOption = Annotated[Path, typer.Option("--spec", metavar="FILE", help="The spec under test.")]
+SpecOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--spec",
+        metavar="FILE",
+        help="The spec under test.  [default: specs/lab.yaml, or what the world of the experiment is called]",
+        show_default=False,
+    ),
+]
 Seeds = Annotated[
     int | None,
     typer.Option(
@@ -68,6 +74,10 @@ class _Reached:
         kept = "" if self.progress is None else f"{self.progress.done} of {self.progress.total} trials are kept: "
         return f"{kept}the same command goes on from there"
 
+    def found(self) -> int:
+        """Return how many trials there were before."""
+        return 0 if self.progress is None else self.progress.found
+
     def elapsed_s(self) -> float:
         """Return for how long this has been going on."""
         return time.perf_counter() - self.before_s  # noqa: TID251  it is only shown
@@ -76,7 +86,7 @@ class _Reached:
 def experiment_command(
     name: Name = None,
     *,
-    spec: SpecOption = Path("specs/lab.yaml"),
+    spec: SpecOption = None,
     seeds: Seeds = None,
     processes: Processes = None,
     out: Out = None,
@@ -90,17 +100,28 @@ def experiment_command(
         return
     if ":" not in name and name not in known:
         _refuse_name(name, known)
-    (spec,) = existing([spec])
+    found = known.get(name)
+    (spec,) = existing([spec or Path("specs") / f"{found.world if found else 'lab'}.yaml"])
     root = common_root([spec])
     sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
-    found = known.get(name) or _own(name)
-    lab_spec(spec, root, color)
+    found = found or _own(name)
+    _check_spec(found, spec, root, color)
     folder = made_folder(out if out is not None else Path("runs") / found.name)
     settings = _settings(found, spec, seeds, folder)
     if trial is None:
         _report(found, settings, root, processes)
     else:
-        _run_alone(_named(trial, _trials(found, settings)), settings)
+        _run_alone(_named(trial, found, settings, processes), settings)
+
+
+def _check_spec(experiment: Experiment, spec: Path, root: Path, color: Colour) -> None:
+    """Show what is found about a spec, and end the command if it cannot be what the experiment is about."""
+    from codra_dsl.experiments.experiment import World
+
+    if experiment.world is World.LAB:
+        lab_spec(spec, root, color)
+    else:
+        one_plan(spec, root, color)
 
 
 def _known() -> Mapping[str, Experiment]:
@@ -147,10 +168,14 @@ def _settings(experiment: Experiment, spec: Path, seeds: int | None, folder: Pat
     return Settings(spec=spec, seeds=experiment.seeds if seeds is None else seeds, folder=folder)
 
 
-def _named(name: str, trials: Sequence[Trial]) -> Trial:
+def _named(name: str, experiment: Experiment, settings: Settings, processes: int | None) -> AnyTrial:
+    """Return a trial by its name; if it is none of the first ones, they are run, since they say which others follow."""
     from codra_dsl.diagnostics import suggest
 
-    by_name = {trial.name: trial for trial in trials}
+    by_name = {trial.name: trial for trial in _trials(experiment, settings)}
+    if name not in by_name and experiment.then is not None:
+        came = _outcomes([*by_name.values()], settings.folder, processes, _Reached())
+        by_name |= {trial.name: trial for trial in _more_trials(experiment, settings, came)}
     if name not in by_name:
         near = suggest(name, by_name)
         way_out = f"did you mean '{near}'?" if near else f"there are {len(by_name)}, such as '{next(iter(by_name))}'"
@@ -158,7 +183,7 @@ def _named(name: str, trials: Sequence[Trial]) -> Trial:
     return by_name[name]
 
 
-def _run_alone(trial: Trial, settings: Settings) -> None:
+def _run_alone(trial: AnyTrial, settings: Settings) -> None:
     outcome = _outcomes([trial], settings.folder, 1, _Reached())[trial.name]
     ended = f", ended by: {outcome.error}" if outcome.error else ""
     write_result(
@@ -178,6 +203,10 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     reached = _Reached()
     used = processes or cores()
     outcomes = _outcomes(trials, settings.folder, used, reached)
+    found = reached.found()
+    if more := _more_trials(experiment, settings, outcomes):
+        trials, outcomes = [*trials, *more], {**outcomes, **_outcomes(more, settings.folder, used, reached)}
+        found += reached.found()
     provenance = Provenance(
         command=shlex.join(("codra", *sys.argv[1:])),
         spec=settings.spec.absolute().relative_to(root).as_posix(),
@@ -188,7 +217,7 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
         cores=cores(),
         processes=used,
         elapsed_s=reached.elapsed_s(),
-        found=reached.progress.found if reached.progress else 0,
+        found=found,
     )
     with _told(settings.folder, reached):
         document = experiment.judge(settings, outcomes)
@@ -197,13 +226,21 @@ def _report(experiment: Experiment, settings: Settings, root: Path, processes: i
     say("\n".join(path.as_posix() for path in paths))
 
 
-def _trials(experiment: Experiment, settings: Settings) -> Sequence[Trial]:
+def _trials(experiment: Experiment, settings: Settings) -> Sequence[AnyTrial]:
     """Return what an experiment runs; some write specs of their own for it."""
     with _told(settings.folder, _Reached()):
         return experiment.trials(settings)
 
 
-def _outcomes(trials: Sequence[Trial], folder: Path, processes: int, reached: _Reached) -> Mapping[str, Outcome]:
+def _more_trials(experiment: Experiment, settings: Settings, came: Mapping[str, AnyOutcome]) -> Sequence[AnyTrial]:
+    """Return what an experiment runs by what came of its first trials."""
+    with _told(settings.folder, _Reached()):
+        return [] if experiment.then is None else experiment.then(settings, came)
+
+
+def _outcomes(
+    trials: Sequence[AnyTrial], folder: Path, processes: int | None, reached: _Reached
+) -> Mapping[str, AnyOutcome]:
     from codra_dsl.experiments.campaign import run_campaign
 
     with _told(folder, reached), _shown(reached) as show:

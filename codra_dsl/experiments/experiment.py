@@ -105,10 +105,6 @@ class Settings:
     folder: Path
 
 
-def _nothing(_: Settings, __: Mapping[str, Any]) -> Sequence[AnyTrial]:
-    return ()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
     """An experiment.
@@ -119,7 +115,7 @@ class Experiment:
         seeds: how many further seeds it uses unless told otherwise.
         trials: which runs it needs.
         judge: what is made of their outcomes: it draws no chance but by fixed seeds, so a report can be made again.
-        then: which further runs it needs, by what came of these, e.g. with what a search has found.
+        then: which further runs it needs, by what came of these, e.g. with what a search has found; None if none.
         world: in which they run.
     """
 
@@ -128,5 +124,5 @@ class Experiment:
     seeds: int
     trials: Callable[[Settings], Sequence[AnyTrial]]
     judge: Callable[[Settings, Mapping[str, Any]], Document]
-    then: Callable[[Settings, Mapping[str, Any]], Sequence[AnyTrial]] = _nothing
+    then: Callable[[Settings, Mapping[str, Any]], Sequence[AnyTrial]] | None = None
     world: World = World.LAB

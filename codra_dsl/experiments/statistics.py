@@ -101,6 +101,37 @@ def mean_interval(values: Sequence[float]) -> Estimate:
     return ratio_interval([Share(value, 1.0) for value in values])
 
 
+def quantile_interval(runs: Sequence[Sequence[float]], quantile: float) -> Estimate:
+    """Return a quantile of what all runs came to together, with its percentile interval.
+
+    Runs are resampled, each with all of its values; resamples without any are left out.
+
+    Args:
+        runs: the values of each run, of which there may be none; infinite ones too.
+        quantile: between 0 and 1. It is one of the values: the least that so large a share of them does not exceed.
+    """
+    order = sorted((value, run) for run, values in enumerate(runs) for value in values)
+    if not order:
+        return Estimate(value=None, low=None, high=None)
+    values, owners = np.array([value for value, _ in order]), [run for _, run in order]
+    value = float(values[_place(np.ones((1, len(order))), quantile)[0]])
+    if len(runs) < 2:
+        return Estimate(value=value, low=None, high=None)
+    drawn = np.random.default_rng(SEED).integers(len(runs), size=(RESAMPLES, len(runs)))
+    counts = np.stack([(drawn == run).sum(-1) for run in range(len(runs))], axis=-1)[:, owners]
+    found = np.sort(values[_place(counts[counts.sum(-1) > 0].astype(float), quantile)])
+    tail = (1.0 - LEVEL) / 2.0
+    low, high = (float(found[int(share * (len(found) - 1))]) for share in (tail, 1.0 - tail))
+    return Estimate(value=value, low=low, high=high)
+
+
+def _place(counts: _Array, quantile: float) -> NDArray[np.intp]:
+    """Return where a quantile stands among values in order, each of which counts so often, row by row."""
+    sums = counts.cumsum(-1)
+    places: NDArray[np.intp] = np.argmax(sums >= quantile * sums[:, -1:] - _NOTHING, axis=-1)
+    return places
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Welch:
     """What a two-sided Welch's t-test says of two independent samples (P1, section 4.2, footnote 4).

@@ -159,9 +159,13 @@ class _Drawing:
         self._values: dict[str, Value] = {}
 
     def __call__(self, plan: Plan) -> Plan:
-        decisions = tuple(found for each in plan.decisions if (found := self._decision(each)) is not None)
-        settings = tuple(found for each in plan.settings if (found := self._setting(each)) is not None)
-        return replace(plan, decisions=decisions, settings=settings)
+        decisions = map(self._decision, plan.decisions)
+        settings = map(self._setting, plan.settings)
+        return replace(
+            plan,
+            decisions=tuple(each for each in decisions if each is not None),
+            settings=tuple(each for each in settings if each is not None),
+        )
 
     def _decision(self, decision: Decision) -> Decision | None:
         before = self._actions.get(decision.course, "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from random import Random
 
 from codra_dsl.worlds.store.layout import AREAS, DELIVERY, PICKING_AREAS, SUPPLY
@@ -114,7 +115,7 @@ class Staging:
         yield shift.collect_s, lambda: self._collect(collected)
         yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provided)
         for number, visit in enumerate(shift.visits, 1):
-            yield visit.at_s, lambda number=number, visit=visit: self._let_in(number, visit)
+            yield visit.at_s, partial(self._let_in, number, visit)
 
     def _see(self, state: StoreState) -> None:
         while self._acts and state.instant_s >= self._acts[0][0]:
