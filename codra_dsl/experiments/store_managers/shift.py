@@ -82,7 +82,7 @@ def shift_of(seed: int) -> Shift:
         provide_s=random.uniform(150.0, 170.0),
         is_hidden=random.random() < 1 / 3,
         visits=tuple(_visits(random, ((move_s, areas[0]), (collect_s, areas[2])))),
-        battery_percent=random.uniform(21.0, 36.0),
+        battery_percent=random.uniform(21.0, 30.0) if random.random() < 1 / 3 else random.uniform(60.0, 100.0),
     )
 
 
