@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from codra_dsl.experiments.experiment import Experiment, World
 from codra_dsl.experiments.store_managers.judgement import judge, reported_trials
-from codra_dsl.experiments.store_managers.search import search_trials
+from codra_dsl.experiments.store_managers.search import Design, search_trials
 
-EXPERIMENT = Experiment(
-    name="store",
-    question="What are the loops of the store worth against no adaptation, chance, and plain thresholds?",
-    seeds=20,
-    trials=search_trials,
-    judge=judge,
-    then=reported_trials,
-    world=World.STORE,
-)
-"""A search for thresholds on the tuning seeds, and all managers on others."""
+
+def experiment(design: Design, name: str, seeds: int) -> Experiment:
+    """Return the experiment of a design: a search for thresholds on some seeds, and all managers on others."""
+    return Experiment(
+        name=name,
+        question="What are the loops of the store worth against no adaptation, chance, and plain thresholds?",
+        seeds=seeds,
+        trials=partial(search_trials, design),
+        judge=partial(judge, design),
+        then=partial(reported_trials, design),
+        world=World.STORE,
+    )
+
+
+EXPERIMENT = experiment(Design(), "store", 20)
+"""As the protocol has it (docs/explanation/store-experiment.md)."""

@@ -33,7 +33,7 @@ class Measure:
 MEASURES = (
     Measure(name="Missions completed", key="missions", of=lambda each: each.loops),
     Measure(name="Unsafe seconds", key="unsafe_s", of=lambda each: each.unsafe_s),
-    Measure(name="Aborts", key="aborts", of=lambda each: each.orders.get("aborted", 0)),
+    Measure(name="Aborts", key="aborts", of=lambda each: each.aborts),
     Measure(
         name="Switches per minute",
         key="switches_per_min",

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from codra_dsl.experiments.document import Document, Section, Table, Words
-from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
+from codra_dsl.experiments.experiment import Settings
 from codra_dsl.experiments.robustness.cells import interval, percent, plain_table, rounded
 from codra_dsl.experiments.statistics import Estimate
 from codra_dsl.experiments.store_managers.comparing import (
@@ -21,36 +21,42 @@ from codra_dsl.experiments.store_managers.comparing import (
 )
 from codra_dsl.experiments.store_managers.drawing import by_seed, over_time
 from codra_dsl.experiments.store_managers.managers import Chance, Manager, Nobody, Ours, Tuned
-from codra_dsl.experiments.store_managers.search import Cell, best, cells, search_trials
-from codra_dsl.experiments.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
+from codra_dsl.experiments.store_managers.search import Cell, Design, best, cells
+from codra_dsl.experiments.store_managers.trial import StoreOutcome, StoreTrial
 
 OURS = Ours().name
 NEVER = "never"
 
 _NOTE = (
-    f"Runs of {LASTS_S:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted "
+    "Runs of {:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted "
     "from the state of the world. docs/explanation/store-experiment.md has all definitions, which were written down "
     "before the first run. Means are over seeds; differences to ours are over the same seeds, with 95 % intervals by "
     "the bootstrap. Marked differences have an interval without zero."
 )
 
 
-def reported_seeds(settings: Settings) -> range:
+def reported_seeds(design: Design, settings: Settings) -> range:
     """Return the seeds that are reported."""
-    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + settings.seeds)
+    return range(design.first_seed, design.first_seed + settings.seeds)
 
 
-def managers(found: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
+def managers(design: Design, found: Mapping[str, StoreOutcome]) -> tuple[Manager, ...]:
     """Return who is compared, by what came of the search."""
-    return (Nobody(), Chance(), Tuned(best(cells(found)).thresholds), Ours())
+    return (Nobody(), Chance(), Tuned(best(cells(design, found)).thresholds), Ours())
 
 
-def reported_trials(settings: Settings, found: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
+def reported_trials(design: Design, settings: Settings, found: Mapping[str, StoreOutcome]) -> Sequence[StoreTrial]:
     """Return the runs of all managers, by what came of the search."""
     return [
-        StoreTrial(name=_name(manager.name, seed), spec=settings.spec, seed=seed, manager=manager)
-        for manager in managers(found)
-        for seed in reported_seeds(settings)
+        StoreTrial(
+            name=_name(manager.name, seed),
+            spec=settings.spec,
+            seed=seed,
+            manager=manager,
+            duration_s=design.duration_s,
+        )
+        for seed in reported_seeds(design, settings)
+        for manager in managers(design, found)
     ]
 
 
@@ -58,28 +64,30 @@ def _name(manager: str, seed: int) -> str:
     return f"{manager}-{seed}"
 
 
-def judge(settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Document:
+def judge(design: Design, settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Document:
     """Return the report on the outcomes of the search and of `reported_trials`."""
-    searched = cells({each.name: outcomes[each.name] for each in search_trials(settings)})
-    seeds = reported_seeds(settings)
+    searched, seeds = cells(design, outcomes), reported_seeds(design, settings)
     runs = {
         manager.name: [outcomes[_name(manager.name, seed)] for seed in seeds]
-        for manager in managers(outcomes)
+        for manager in managers(design, outcomes)
         if len(seeds)
     }
     if not runs:
-        return _searched_only(searched)
+        return _searched_only(design, searched)
     table, answered = compared(runs, OURS), reactions(runs)
     first = {name: came[0] for name, came in runs.items()}
     return Document(
         title="store: what the loops are worth",
         summary=(*_summary(table, answered), f"{len(seeds)} seeds, {seeds[0]} to {seeds[-1]}."),
         sections=(
-            Section(title="Managers", parts=(Words(text=_NOTE), _means(table), _differences(table))),
+            Section(
+                title="Managers",
+                parts=(Words(text=_NOTE.format(design.duration_s)), _means(table), _differences(table)),
+            ),
             Section(title="From cause to switch", parts=(_reactions_table(answered),)),
             Section(title="Unsafe seconds", parts=(by_seed(runs),)),
             Section(title="One seed", parts=(over_time(first),)),
-            Section(title="The search for thresholds", parts=(_grid(searched),)),
+            Section(title="The search for thresholds", parts=(_grid(design, searched),)),
         ),
         results={
             "managers": _compared_as_data(table),
@@ -91,11 +99,11 @@ def judge(settings: Settings, outcomes: Mapping[str, StoreOutcome]) -> Document:
     )
 
 
-def _searched_only(searched: Sequence[Cell]) -> Document:
+def _searched_only(design: Design, searched: Sequence[Cell]) -> Document:
     return Document(
         title="store: the search for thresholds",
         summary=("No seed is reported.",),
-        sections=(Section(title="The search for thresholds", parts=(_grid(searched),)),),
+        sections=(Section(title="The search for thresholds", parts=(_grid(design, searched),)),),
         results={"grid": [_cell_as_data(each) for each in searched]},
     )
 
@@ -171,7 +179,7 @@ def _reactions_table(answered: Sequence[Reactions]) -> Table:
     return plain_table(caption, header, rows)
 
 
-def _grid(searched: Sequence[Cell]) -> Table:
+def _grid(design: Design, searched: Sequence[Cell]) -> Table:
     chosen = best(searched)
     rows = [
         (
@@ -186,7 +194,8 @@ def _grid(searched: Sequence[Cell]) -> Table:
         for each in searched
     ]
     header = ("Person, m", "Battery, %", "Load", "Missions", "Unsafe s", "Score", "")
-    caption = "Each cell of the grid on seeds 1 to 5: missions less a tenth of the unsafe seconds, in the mean."
+    seeds = ", ".join(map(str, design.tuning_seeds))
+    caption = f"Each cell of the grid on the seeds {seeds}: missions less a tenth of the unsafe seconds, in the mean."
     return plain_table(caption, header, rows)
 
 

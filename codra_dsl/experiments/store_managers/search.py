@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
-from codra_dsl.experiments.experiment import Settings
+from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
 from codra_dsl.experiments.store_managers.managers import Tuned
 from codra_dsl.experiments.store_managers.thresholds import Thresholds
-from codra_dsl.experiments.store_managers.trial import StoreOutcome, StoreTrial
+from codra_dsl.experiments.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
 
-TUNING_SEEDS = (1, 2, 3, 4, 5)
+TUNING_SEEDS = (1, 2)
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
@@ -21,6 +21,23 @@ GRID = tuple(
 
 UNSAFE_COSTS = 0.1
 """What an unsafe second costs, in missions."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Which runs are made.
+
+    Attributes:
+        grid: the cells of the search; the first wins among equals.
+        tuning_seeds: on which they are tried.
+        first_seed: of those that are reported.
+        duration_s: of each run.
+    """
+
+    grid: tuple[Thresholds, ...] = GRID
+    tuning_seeds: tuple[int, ...] = TUNING_SEEDS
+    first_seed: int = FIRST_REPORTED_SEED
+    duration_s: float = LASTS_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,18 +54,24 @@ class Cell:
         return self.missions - UNSAFE_COSTS * self.unsafe_s
 
 
-def search_trials(settings: Settings) -> Sequence[StoreTrial]:
+def search_trials(design: Design, settings: Settings) -> Sequence[StoreTrial]:
     """Return the runs of the grid."""
     return [
-        StoreTrial(name=_name(cell, seed), spec=settings.spec, seed=seed, manager=Tuned(cell))
-        for cell in GRID
-        for seed in TUNING_SEEDS
+        StoreTrial(
+            name=_name(cell, seed),
+            spec=settings.spec,
+            seed=seed,
+            manager=Tuned(cell),
+            duration_s=design.duration_s,
+        )
+        for cell in design.grid
+        for seed in design.tuning_seeds
     ]
 
 
-def cells(outcomes: Mapping[str, StoreOutcome]) -> Sequence[Cell]:
+def cells(design: Design, outcomes: Mapping[str, StoreOutcome]) -> Sequence[Cell]:
     """Return what all cells came to, in the order of the grid."""
-    return [_cell(each, [outcomes[_name(each, seed)] for seed in TUNING_SEEDS]) for each in GRID]
+    return [_cell(each, [outcomes[_name(each, seed)] for seed in design.tuning_seeds]) for each in design.grid]
 
 
 def best(found: Sequence[Cell]) -> Cell:

@@ -72,23 +72,23 @@ def shift_of(seed: int) -> Shift:
     """Return what happens in the run of a seed."""
     random = Random(f"{seed} shift")
     areas = tuple(random.sample(sorted(PICKING_AREAS), len(PICKING_AREAS)))
-    move_s, collect_s = random.uniform(2.0, 6.0), random.uniform(100.0, 130.0)
+    move_s, collect_s = random.uniform(2.0, 6.0), random.uniform(80.0, 100.0)
     return Shift(
         seed=seed,
         areas=areas,
         move_s=move_s,
-        full_s=move_s + random.uniform(40.0, 90.0),
+        full_s=move_s + random.uniform(35.0, 70.0),
         collect_s=collect_s,
-        provide_s=random.uniform(190.0, 220.0),
+        provide_s=random.uniform(150.0, 170.0),
         is_hidden=random.random() < 1 / 3,
         visits=tuple(_visits(random, ((move_s, areas[0]), (collect_s, areas[2])))),
-        battery_percent=random.uniform(21.0, 36.0),
+        battery_percent=random.uniform(21.0, 30.0) if random.random() < 1 / 3 else random.uniform(60.0, 100.0),
     )
 
 
 def _visits(random: Random, orders: tuple[tuple[float, str], ...]) -> Iterator[Visit]:
     for ordered_s, area in orders:
-        has_visitor, delay_s, times = random.random() < 0.7, random.uniform(15.0, 40.0), random.randint(8, 14)
+        has_visitor, delay_s, times = random.random() < 0.7, random.uniform(15.0, 40.0), random.randint(3, 6)
         if has_visitor:
             yield Visit(at_s=ordered_s + delay_s, area=area, times=times)
 

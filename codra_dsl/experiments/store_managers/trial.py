@@ -28,6 +28,7 @@ from codra_dsl.worlds.store.store import Store
 LASTS_S = 300.0
 
 COURSE = "course"
+FETCHING = "fetching"
 SHOWN = ("safety", "weight_of_pick", "weight_of_deliver", "weight_of_start", "weight_of_dock")
 """What is kept to be drawn."""
 
@@ -43,6 +44,7 @@ class StoreOutcome:
         error: None; nothing ends a run of the shop early.
         frames: none: what the camera sees is worked out, not rendered.
         orders: how many there were, by what became of them.
+        aborts: pick-ups that were broken off.
         courses: what was chosen, and when.
         called: what called for another course.
         unsafe: when the robot moved fast near somebody.
@@ -56,6 +58,7 @@ class StoreOutcome:
     duration_s: float
     loops: int
     orders: Mapping[str, int]
+    aborts: int
     bumps: int
     driven_m: float
     unsafe_s: float
@@ -123,7 +126,7 @@ class StoreTrial:
         def opened(store: Store) -> None:
             knowledge = store.knowledge
             Staging(shift_of(self.seed), store)
-            watches.append(Watch(lambda: knowledge.snapshot().handover("fetching").is_open))
+            watches.append(Watch(lambda: knowledge.snapshot().handover(FETCHING).is_open))
             store.world.watch(watches[0].see)
 
         with tempfile.TemporaryDirectory(prefix="codra-") as made:
@@ -145,6 +148,7 @@ class StoreTrial:
             duration_s=run.duration_s,
             loops=run.score.missions,
             orders=run.orders,
+            aborts=sum(each.what == "aborted" for each in run.record.of(Kind.KNOWLEDGE, FETCHING)),
             bumps=run.score.bumps,
             driven_m=round(run.score.driven_m, 3),
             unsafe_s=run.score.unsafe_s,
