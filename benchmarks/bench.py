@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+import adapting
 import compiling
 import fuzzy
 import isolation
@@ -19,6 +20,7 @@ import running
 from rows import Row
 
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
+    "adapting": adapting.rows,
     "compiling": compiling.rows,
     "fuzzy": fuzzy.rows,
     "isolation": isolation.rows,

@@ -1,7 +1,8 @@
-"""FuzzyLite's side of the fuzzy rows, in the environment that has it: a turn for each line that it is sent.
+"""FuzzyLite's side of the rows that ask it, in the environment that has it: a turn for each line that it is sent.
 
-It is sent the rows of context as JSON once, then `scalar N` (N rows, one call each) or `vectorised N` (N rows in one
-call); it answers with the processor time in seconds per row, and first of all with the weights of the rows.
+It is sent a task as JSON once: the files of both engines, the names of the inputs, and rows of their values. Then comes
+`scalar N` (N rows, one call each) or `vectorised N` (N rows in one call); it answers with the processor time in seconds
+per row, and first of all with the weights of the rows.
 """
 
 from __future__ import annotations
@@ -10,29 +11,28 @@ import json
 import sys
 import time
 import warnings
-from pathlib import Path
+from collections.abc import Mapping
 
 import fuzzylite
 import numpy as np
-
-FOLDER = Path(__file__).parents[1] / "tests" / "data" / "fuzzy"
 
 
 def main() -> None:
     """Answer until the input ends."""
     warnings.simplefilter("ignore")
-    importer = fuzzylite.FllImporter()
-    metrics, actions = (importer.from_file(FOLDER / f"store_{stage}.fll") for stage in ("metrics", "actions"))
-    rows = np.array(json.loads(sys.stdin.readline()))
+    importer, task = fuzzylite.FllImporter(), json.loads(sys.stdin.readline())
+    metrics, actions = (importer.from_file(file) for file in task["engines"])
+    names, rows = task["names"], np.array(task["rows"])
+
+    def process(engine: fuzzylite.Engine, values: Mapping[str, np.ndarray]) -> None:
+        for variable in engine.input_variables:
+            variable.value = values[variable.name]
+        engine.process()
 
     def cascade(context: np.ndarray) -> np.ndarray:
-        for variable, value in zip(metrics.input_variables, context.T, strict=True):
-            variable.value = value
-        metrics.process()
-        first = [context.T[0], context.T[2], context.T[4], *(each.value for each in metrics.output_variables)]
-        for variable, value in zip(actions.input_variables, first, strict=True):
-            variable.value = value
-        actions.process()
+        values = dict(zip(names, context.T, strict=True))
+        process(metrics, values)
+        process(actions, values | {each.name: each.value for each in metrics.output_variables})
         return actions.output_values
 
     print(json.dumps([cascade(row).ravel().tolist() for row in rows]), flush=True)

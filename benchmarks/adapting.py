@@ -1,0 +1,130 @@
+"""The row about loops: one round of the loop of `specs/store.yaml`, in which somebody has come nearer or gone away.
+
+Ours is all that a round does: the new distance is written into context and the knowledge graph, inputs are read with
+their stamps, both fuzzy stages are inferred, metrics and weights are written by their agent, the filter and the hard
+rules choose the course, the parameter is set, both trees are ticked, and all of it is told to the record.
+
+The peer is FuzzyLite for Python with the same rules, its engines built once and asked with one row a call, as its
+documentation shows: two inferences and nothing else. No library that we know has a whole loop; whoever builds one of
+FuzzyLite adds all the rest to this. Weights must be the same on both sides.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from fuzzylite_calls import ROOT, FuzzyLite
+from rows import Row
+
+from codra_dsl.check.mape.checked import CheckedMape
+from codra_dsl.compiler import plan_paths
+from codra_dsl.fuzzy import write_fll
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.trees import Result, Robot
+from generated import store
+
+PERIOD_S = 0.1
+CALM: Mapping[str, tuple[str, float | str]] = {
+    "bumped": ("navigation", False),
+    "person_distance": ("person_detection", 6.0),
+    "picking_up": ("picking", True),
+    "order_open": ("mission", True),
+    "loaded": ("fork", False),
+    "battery_level": ("navigation", 80.0),
+    "container_load": ("picker_page", "empty"),
+}
+"""Who writes each input, and what."""
+
+WARM_UP_S = 130.0
+"""Until the rate of the battery is known."""
+
+DISTANCES_M = [0.5 + 0.02 * step for step in range(150)]
+REFRESHED_EVERY = 10
+"""How many rounds pass until all inputs are written anew: before the first is out of date, and not so often that the
+history of the battery, 100 readings, is too short for its rate."""
+
+CALLS = 150
+TURNS = 15
+
+
+def rows(scratch: Path) -> Iterator[Row]:
+    """Measure both sides in turns, by processor time."""
+    names = [*CALM, "battery_drain"]
+    still = [0.0, 0.0, 1.0, 1.0, 0.0, 80.0, 0.0, 0.0]  # as numbers: false, true and the first member are 0, 1 and 0
+    contexts = [[still[0], distance_m, *still[2:]] for distance_m in DISTANCES_M]
+    clock = SimClock()
+    with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=_robot()):
+        agents = {agent: codra.agent(agent) for agent in {agent for agent, _ in CALM.values()}}
+
+        def refresh() -> None:
+            for name, (agent, value) in CALM.items():
+                agents[agent].set(name, value)
+
+        def approach(distance_m: float) -> None:
+            agents["person_detection"].set("person_distance", distance_m)
+            clock.sleep(PERIOD_S)
+
+        for _ in range(round(WARM_UP_S)):
+            refresh()
+            clock.sleep(1.0)
+        with FuzzyLite(_engines(scratch), names, contexts) as peer:
+            yield _row(peer, refresh, approach, lambda: _weights(codra))
+
+
+def _row(
+    peer: FuzzyLite,
+    refresh: Callable[[], None],
+    approach: Callable[[float], None],
+    weights: Callable[[], list[float]],
+) -> Row:
+    for call, (distance_m, theirs) in enumerate(zip(DISTANCES_M, peer.weights, strict=True)):
+        if call % REFRESHED_EVERY == 0:
+            refresh()
+        approach(distance_m)
+        np.testing.assert_allclose(weights(), theirs, atol=1e-6)
+    given = itertools.cycle(DISTANCES_M)
+    ours_s, theirs_s = [], []
+    for _ in range(TURNS):
+        taken_s = 0.0
+        for call in range(CALLS):
+            if call % REFRESHED_EVERY == 0:
+                refresh()  # no part of the round
+            distance_m, began_s = next(given), time.process_time()
+            approach(distance_m)
+            taken_s += time.process_time() - began_s
+        ours_s.append(taken_s / CALLS)
+        theirs_s.append(peer.scalar_s(CALLS))
+    return Row(name="adaptation_round", ours=statistics.median(ours_s), peer=statistics.median(theirs_s), target=1.0)
+
+
+def _engines(scratch: Path) -> tuple[Path, Path]:
+    """Write the rules of the spec in FLL."""
+    (plan,) = plan_paths([ROOT / "specs" / "store.yaml"], ROOT).plans
+    mape = plan.checked.mape
+    assert isinstance(mape, CheckedMape)
+    assert mape.metrics is not None
+    assert mape.actions is not None
+    files = (scratch / "metrics.fll", scratch / "actions.fll")
+    for file, stage in zip(files, (mape.metrics, mape.actions), strict=True):
+        file.write_text(write_fll(stage.engine), "utf-8")
+    return files
+
+
+def _weights(codra: store.Store) -> list[float]:
+    return [codra.get(f"weight_of_{action}").value for action in ("pick", "deliver", "start", "dock")]
+
+
+def _robot() -> Robot:
+    """Return a robot whose actions go on, and that nobody asks for a container."""
+    robot = Robot()
+    for name in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "CompleteOrder", "AbortOrder", "Inform"):
+        robot.does(name, lambda _: Result.RUNNING)
+    for name in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
+        robot.does(name, lambda _: Result.RUNNING)
+    robot.does("IsRequested", lambda _: False)
+    return robot
