@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields
 from math import ceil
+from operator import attrgetter
 from random import Random
 from threading import Lock
 from typing import Any, ClassVar, Protocol
@@ -53,6 +54,8 @@ _LEFT_OUT = (
 
 _UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
 """What of a state shows nowhere in a picture of the room in ordinary light."""
+
+_SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
 
 Pixels = NDArray[np.uint8]
 
@@ -283,7 +286,8 @@ class _Optics:
 
 def _shown(state: LabState) -> tuple[Any, ...]:
     """Return all of a state that a picture of the room shows."""
-    return tuple(getattr(state, field.name) for field in fields(state) if field.name not in _UNSEEN)
+    shown: tuple[Any, ...] = _SEEN(state)
+    return shown
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
