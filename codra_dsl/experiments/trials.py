@@ -10,6 +10,7 @@ from typing import Any
 
 import cv2
 
+from codra_dsl.collector import paused_collector
 from codra_dsl.experiments.arms import Arm, observers
 from codra_dsl.experiments.audience import Asked
 from codra_dsl.experiments.lab import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
@@ -69,6 +70,7 @@ class Trial:
         return Outcome.from_json(text)
 
 
+@paused_collector()
 def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
     """Run a trial, and keep frames of what was decided wrongly and of evidence to be looked at again.
 

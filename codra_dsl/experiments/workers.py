@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import multiprocessing
 import os
@@ -10,6 +11,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from multiprocessing import connection, resource_tracker
@@ -37,6 +39,10 @@ _TOLD_ENOUGH = (
 
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+_KEPT_BYTES = {_TRIM_THRESHOLD: 512 << 20, _MMAP_THRESHOLD: 32 << 20}
+"""By parameter of GNU's `mallopt` (malloc.h): how much may be free, and from which size on a piece is not kept."""
 
 
 class TrialError(Exception):
@@ -177,9 +183,22 @@ def _work(record: TrialRecord, staging: Path, told: connection.Connection) -> No
     """Run a trial and say what became of it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("LP_NUM_THREADS", "1")  # more threads of the renderer only take the cores from each other
+    _keep_memory()
     tempfile.tempdir = str(staging)
     told.send(_made(record, staging))
     told.close()
+
+
+def _keep_memory() -> None:
+    """Let this process keep the memory that it frees.
+
+    Perception makes and frees pictures of a megabyte all the time. GNU's C library gives each back to the system, which
+    clears every page when it is asked for the next: that takes as long as the work on the picture.
+    """
+    with suppress(AttributeError):  # another C library
+        tell = ctypes.CDLL(None).mallopt
+        for parameter, limit in _KEPT_BYTES.items():
+            tell(parameter, limit)
 
 
 def _made(record: TrialRecord, staging: Path) -> _Told:

@@ -115,9 +115,14 @@ class Slots:
     def _grant_all(self) -> None:
         self._is_due = False
         self._grow_older()
-        waiting = sorted(self._queue.values(), key=Ticket.rank)
+        waiting = sorted(self._worth_asking(), key=Ticket.rank)
         while self._grant_next(waiting):
             waiting = [ticket for ticket in waiting if ticket.number in self._queue]
+
+    def _worth_asking(self) -> Iterable[Ticket]:
+        """Return who waits; while all who need slots wait for one that is taken, only those who need none."""
+        free = [ticket for ticket in self._queue.values() if all(self._free[slot] > 0 for slot in ticket.slots)]
+        return self._queue.values() if any(ticket.slots for ticket in free) else free
 
     def _grant_next(self, waiting: Sequence[Ticket]) -> bool:
         """Grant the first whose slots are free, and all before it that need none; return whether there was one.
@@ -125,7 +130,7 @@ class Slots:
         Slots count as taken that those need who stand before it and have to wait.
         """
         wanted: Counter[str] = Counter()
-        spare_s = self._spare_s()
+        spare_s = self._spare_s() if any(ticket.slots for ticket in waiting) else {}
         for ticket in waiting:
             if ticket.lasts_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
                 continue
@@ -162,6 +167,9 @@ class Slots:
         """Let time count for those who wait, unless the main execution has all slots of one that they need."""
         now_s = self._clock.now_s()
         passed_s, self._counted_s = now_s - self._counted_s, now_s
-        for ticket in self._queue.values() if passed_s > 0 else ():
-            if all(self._main[slot] < self._all[slot] for slot in ticket.slots):
+        if passed_s <= 0 or not self._queue:
+            return
+        of_main = {slot for slot, count in self._all.items() if self._main[slot] >= count}
+        for ticket in self._queue.values():
+            if of_main.isdisjoint(ticket.slots):
                 ticket.age_s += passed_s

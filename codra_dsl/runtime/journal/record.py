@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from codra_dsl.logic import Value
@@ -67,7 +67,7 @@ class Record:
 
     def of(self, kind: Kind, name: str | None = None) -> tuple[Event, ...]:
         """Return the events of one kind, in order; of one name alone, if one is given."""
-        return tuple(_event(told) for told in tuple(self._events) if _is_of(told, kind, name))
+        return tuple(map(_event, _of(tuple(self._events), kind, name)))
 
     def text(self) -> str:
         """Return the record as JSON lines."""
@@ -138,9 +138,13 @@ class Scribe:
         self._record.add(_event(told))
 
 
-def _is_of(told: Event | Noted, kind: Kind, name: str | None) -> bool:
-    told_kind, told_name = (told.kind, told.name) if isinstance(told, Event) else (Kind.VARIABLE, told[1])
-    return told_kind is kind and name in (None, told_name)
+def _of(events: Sequence[Event | Noted], kind: Kind, name: str | None) -> list[Event | Noted]:
+    """Return the events of one kind, and of one name if one is given; there may be very many."""
+    is_noted = kind is Kind.VARIABLE
+    found = [told for told in events if (is_noted if isinstance(told, tuple) else told.kind is kind)]
+    if name is None:
+        return found
+    return [told for told in found if (told[1] if isinstance(told, tuple) else told.name) == name]
 
 
 def _event(told: Event | Noted) -> Event:

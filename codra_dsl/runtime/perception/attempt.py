@@ -52,7 +52,7 @@ class Attempt:
         self.work: Work | None = None
         self.job: RunningJob | None = None
         self.heard: tuple[float, Interval] | None = None
-        self.noted: Callable[[float, Interval], None] = _nothing
+        self.noted: Callable[[Attempt, float, Interval], None] = _nothing
 
     def evidence(self, now_s: float) -> Interval | None:
         """Return when its evidence is taken, as far as the job has told until now; None before it runs.
@@ -66,7 +66,7 @@ class Attempt:
             return Interval(self.start_s, self.end_s)
         if told is not self.heard:
             self.heard = told
-            self.noted(*told)
+            self.noted(self, *told)
         return told[1]
 
 

@@ -150,7 +150,7 @@ class Perception:
         attempt.state, attempt.start_s = State.RUNNING, self._clock.now_s()
         self._accounts[algorithm.name].begin(attempt.start_s - attempt.requested_s)
         chance = f"{self._seed}/{algorithm.name}/{attempt.index}"
-        attempt.noted = lambda told_s, interval: self._note(attempt, told_s, interval)
+        attempt.noted = self._note
         self._at_work[algorithm.name] = attempt
         self._tell(attempt, "started")
         try:
@@ -239,6 +239,7 @@ class Perception:
             self._accounts[attempt.algorithm.name].end(attempt.end_s - attempt.start_s, len(attempt.algorithm.slots))
         if attempt.ticket is not None:
             self._slots.release(attempt.ticket)
+            attempt.ticket = None  # it knows the attempt: without that both go at once, and no collector is needed
 
     def _tell(self, attempt: Attempt, what: str, **details: object) -> None:
         self._scribe.tell(Kind.JOB, attempt.algorithm.name, what, index=attempt.index, **details)

@@ -10,7 +10,8 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import fields
-from math import ceil
+from math import ceil, radians, tan
+from operator import attrgetter
 from random import Random
 from threading import Lock
 from typing import Any, ClassVar, Protocol
@@ -41,6 +42,9 @@ _SUBFRAMES = 6
 """At most so many instants of an exposure are averaged."""
 
 _TOUCHES_M = 1e-6
+_ROUNDER = 1.001
+_NOT_DRAWN = 2
+"""A group of things that no drawing option shows."""
 
 _FRAMES_KEPT = 32
 _NOISE_BANK_PX = 1024
@@ -53,6 +57,8 @@ _LEFT_OUT = (
 
 _UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
 """What of a state shows nowhere in a picture of the room in ordinary light."""
+
+_SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
 
 Pixels = NDArray[np.uint8]
 
@@ -204,6 +210,7 @@ class _Renderer:
         self._camera.fixedcamid = self._stage.model.camera(CAMERA_NAME).id
         self._rectangle = mujoco.MjrRect(0, 0, INTRINSICS.width, INTRINSICS.height)
         self._in_the_room, self._the_room = _drawing_order(self._stage)
+        self._view = _View(self._stage, self._camera.fixedcamid)
         self._perturbation = mujoco.MjvPerturb()
         self._upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
         self._shown: tuple[Any, ...] = ()
@@ -223,6 +230,7 @@ class _Renderer:
 
     def _draw(self, state: LabState) -> Pixels:
         self._stage.place(state)
+        self._view.leave_out()
         model, data, everything = self._stage.model, self._stage.data, mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             model, data, self._in_the_room, self._perturbation, self._camera, everything, self._scene
@@ -236,6 +244,27 @@ class _Renderer:
         """Give everything back, in the thread that made it."""
         self._mujoco_context.free()
         self._context.free()
+
+
+class _View:
+    """What the camera may see: what stands beside the picture need not be drawn."""
+
+    def __init__(self, stage: Stage, camera: int) -> None:
+        model, data = stage.model, stage.data
+        high = tan(radians(float(model.cam_fovy[camera])) / 2)
+        wide = high * INTRINSICS.width / INTRINSICS.height
+        sides = np.array([[1.0, 0.0, wide], [-1.0, 0.0, wide], [0.0, 1.0, high], [0.0, -1.0, high], [0.0, 0.0, 1.0]])
+        self._sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+        self._groups_now, self._groups = model.geom_group, model.geom_group.copy()
+        self._reach_m = np.where(model.geom_rbound > 0.0, model.geom_rbound * _ROUNDER + _TOUCHES_M, np.inf)
+        self._middles_m, self._eye_m = data.geom_xpos, data.cam_xpos[camera]
+        self._map_from_eye = data.cam_xmat[camera].reshape(3, 3)
+
+    def leave_out(self) -> None:
+        """Put what lies wholly beyond a side of the picture into a group that is not drawn, all else into its own."""
+        map_from_eye = self._map_from_eye
+        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)  # the camera looks along its -z
+        self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _NOT_DRAWN, self._groups)
 
 
 class _Optics:
@@ -283,7 +312,8 @@ class _Optics:
 
 def _shown(state: LabState) -> tuple[Any, ...]:
     """Return all of a state that a picture of the room shows."""
-    return tuple(getattr(state, field.name) for field in fields(state) if field.name not in _UNSEEN)
+    shown: tuple[Any, ...] = _SEEN(state)
+    return shown
 
 
 def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -20,20 +21,27 @@ class Intrinsics:
     focal_px: float
 
     def matrix(self) -> Array:
-        """Return the camera matrix, shape (3, 3), as OpenCV takes it."""
-        return np.array(
-            [
-                [self.focal_px, 0.0, (self.width - 1) / 2],
-                [0.0, self.focal_px, (self.height - 1) / 2],
-                [0.0, 0.0, 1.0],
-            ]
-        )
+        """Return the camera matrix, shape (3, 3), as OpenCV takes it; nobody can change it."""
+        return _matrix(self)
 
     def project(self, points_m: Array) -> Array:
         """Project points of shape (n, 3) in the camera frame (x right, y down, z forward, z > 0) to pixels, (n, 2)."""
         image = points_m @ self.matrix().T
         pixels: Array = image[:, :2] / image[:, 2:]
         return pixels
+
+
+@lru_cache(maxsize=16)
+def _matrix(camera: Intrinsics) -> Array:
+    matrix = np.array(
+        [
+            [camera.focal_px, 0.0, (camera.width - 1) / 2],
+            [0.0, camera.focal_px, (camera.height - 1) / 2],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    matrix.setflags(write=False)
+    return matrix
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

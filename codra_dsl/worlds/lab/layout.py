@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache
 from math import cos, hypot, pi, sin
 from threading import Lock
 from types import MappingProxyType
@@ -50,9 +51,16 @@ class Tag:
 
         Their order is that of OpenCV's detector: top left, top right, bottom right, bottom left.
         """
-        half = self.size_m / 2
-        square = np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
-        return self.part_from_tag.apply(square)
+        return _corners_m(self)
+
+
+@lru_cache(maxsize=256)
+def _corners_m(tag: Tag) -> Array:
+    half = tag.size_m / 2
+    square = np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
+    corners_m = tag.part_from_tag.apply(square)
+    corners_m.setflags(write=False)
+    return corners_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf
+from functools import lru_cache
+from math import inf, sqrt
 
 import cv2
 import numpy as np
@@ -65,8 +66,7 @@ def tag_poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> tu
     IPPE gives both, except that for a tag seen right from the front, where they are one, it divides by zero; SQPnP
     gives that one.
     """
-    half = size_m / 2
-    square_m = np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
+    square_m = _square_m(size_m)
     poses = _solutions(square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_IPPE_SQUARE) or _solutions(
         square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_SQPNP
     )
@@ -75,6 +75,13 @@ def tag_poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> tu
         for pose in poses
     ]
     return tuple(sorted(found, key=lambda found: found.error_px))
+
+
+@lru_cache(maxsize=64)
+def _square_m(size_m: float) -> Array:
+    """Return the corners of a tag in its own frame, shape (4, 3); nobody changes them."""
+    half = size_m / 2
+    return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
 
 
 def _solutions(points_m: Array, corners_px: Array, intrinsics: Intrinsics, method: int) -> list[Pose]:
@@ -147,7 +154,8 @@ def _error_of(sighting: _Sighting, pose: Pose, intrinsics: Intrinsics) -> float:
 def _error_px(pose: Pose, points_m: Array, corners_px: Array, intrinsics: Intrinsics) -> float:
     """Return the root mean square distance; infinite for a pose that puts a point behind the camera, or nowhere."""
     points_in_camera_m = pose.apply(points_m)
-    if not points_in_camera_m[:, 2].min() > 0.0:
+    if not np.minimum.reduce(points_in_camera_m[:, 2]) > 0.0:
         return inf
     away_px = intrinsics.project(points_in_camera_m) - corners_px
-    return float(np.sqrt((away_px**2).sum(axis=1).mean()))
+    squared_px2 = np.add.reduce(away_px * away_px, axis=1)
+    return sqrt(np.add.reduce(squared_px2) / len(squared_px2))

@@ -37,6 +37,12 @@ _LOST_PX = 8.0
 _OUTLIER_PX = 0.7
 """Edge points farther than this from a side's first line are dropped once: something covers the edge there."""
 
+_ALONG = np.linspace(_SIDE_MARGIN, 1 - _SIDE_MARGIN, _STATIONS)
+_ACROSS = np.linspace(-1.0, 1.0, _OFFSETS)
+_STEPS = np.arange(_OFFSETS - 1)
+_NEXT, _PREVIOUS = [1, 2, 3, 0], [3, 0, 1, 2]
+"""Of each of the four corners, or sides."""
+
 
 def refined_corners_px(grey: NDArray[np.uint8], corners_px: Array) -> Array:
     """Return corners of black squares on white, shape (n, 4, 2), refined from the detector's.
@@ -46,28 +52,35 @@ def refined_corners_px(grey: NDArray[np.uint8], corners_px: Array) -> Array:
         corners_px: shape (n, 4, 2), clockwise in the image, at most some pixels off.
     """
     refined = corners_px
+    if not len(corners_px):
+        return refined
     image = grey.astype(np.float32)
-    for _ in range(_ROUNDS if len(corners_px) else 0):
+    for _ in range(_ROUNDS):
         refined = _meeting_points(*_lines(_edge_points(image, refined)))
-    is_near = np.linalg.norm(refined - corners_px, axis=2).max(axis=1, initial=0.0) <= _LOST_PX
+    is_near = _lengths(refined - corners_px).max(axis=1) <= _LOST_PX
     return np.where(is_near[:, None, None], refined, corners_px)
 
 
 def _edge_points(image: NDArray[np.float32], corners_px: Array) -> tuple[Array, Array]:
     """Return per side the places of steepest change, shape (n, 4, stations, 2), and their weights (n, 4, stations)."""
-    sides = np.roll(corners_px, -1, axis=1) - corners_px
-    lengths = np.linalg.norm(sides, axis=2, keepdims=True)
+    sides = corners_px.take(_NEXT, axis=1) - corners_px
+    lengths = _lengths(sides)[..., None]
     outwards = np.stack((sides[..., 1], -sides[..., 0]), axis=2) / np.maximum(lengths, 1e-9)
     reach_px = np.clip(_depths_px(corners_px, lengths[..., 0]) * (_REACH_CELLS / 8), *_REACH_PX)
-    along = np.linspace(_SIDE_MARGIN, 1 - _SIDE_MARGIN, _STATIONS)
-    offsets_px = np.linspace(-1.0, 1.0, _OFFSETS) * reach_px[..., None]
-    stations = corners_px[:, :, None, :] + along[:, None] * sides[:, :, None, :]
+    offsets_px = _ACROSS * reach_px[..., None]
+    stations = corners_px[:, :, None, :] + _ALONG[:, None] * sides[:, :, None, :]
     samples = stations[:, :, :, None, :] + offsets_px[:, :, None, :, None] * outwards[:, :, None, None, :]
     weights = _steepness(_brightness(image, samples))
     strength = weights.sum(axis=3)
     middles = (offsets_px[:, :, None, 1:] + offsets_px[:, :, None, :-1]) / 2
     shift_px = (weights * middles).sum(axis=3) / np.maximum(strength, 1e-9)
     return stations + shift_px[..., None] * outwards[:, :, None, :], strength
+
+
+def _lengths(vectors: Array) -> Array:
+    """Return what `np.linalg.norm` does over the last axis, in half of its time."""
+    lengths: Array = np.sqrt(np.add.reduce(vectors * vectors, axis=-1))
+    return lengths
 
 
 def _depths_px(corners_px: Array, lengths_px: Array) -> Array:
@@ -89,7 +102,7 @@ def _steepness(brightness: Array) -> Array:
     """Return how much brighter each sample is than the one before it, near the steepest place alone."""
     steps = np.maximum(np.diff(brightness, axis=3), 0.0)
     peak = steps.argmax(axis=3)[..., None]
-    near = np.abs(np.arange(steps.shape[3]) - peak) <= _OFFSETS // 5
+    near = np.abs(_STEPS - peak) <= _OFFSETS // 5
     weights: Array = np.where(near, steps, 0.0) ** 2
     return weights
 
@@ -114,7 +127,7 @@ def _fit(points: Array, weights: Array) -> tuple[Array, Array]:
 
 def _meeting_points(centre: Array, direction: Array) -> Array:
     """Return where each side's line meets the one before it: the corner at which the side begins."""
-    before, turn = np.roll(centre, 1, axis=1), np.roll(direction, 1, axis=1)
+    before, turn = centre.take(_PREVIOUS, axis=1), direction.take(_PREVIOUS, axis=1)
     gap = centre - before
     sine = turn[..., 0] * direction[..., 1] - turn[..., 1] * direction[..., 0]
     step = (gap[..., 0] * direction[..., 1] - gap[..., 1] * direction[..., 0]) / np.where(sine == 0.0, 1e-9, sine)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory, PersonBefore
 from codra_dsl.worlds.lab.layout import INTRINSICS, TILE_PER_TAG, Joint, Machine, Part, Shape, Tag
-from codra_dsl.worlds.lab.poses import Array, Pose
+from codra_dsl.worlds.lab.poses import Array, Pose, columns, cross, length
 from codra_dsl.worlds.lab.tags import tag_image
 from codra_dsl.worlds.lab.world import LabState
 
@@ -56,15 +56,17 @@ class Stage:
         }
         movable = _MOCAP_BODIES + ((_PERSON,) if _has_visitors(laboratory) else ())
         self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in movable}
+        self._angles_rad = self.data.qpos
+        self._places_m, self._quaternions = self.data.mocap_pos, self.data.mocap_quat
 
     def place(self, state: LabState) -> None:
         """Put everything where a state says it is."""
         for key, angle_rad in state.joints_rad.items():
-            self.data.qpos[self._joint_addresses[key.machine, key.part]] = angle_rad
+            self._angles_rad[self._joint_addresses[key.machine, key.part]] = angle_rad
         for name, pose in _robot_poses(state).items():
             self._put(name, pose)
         if _PERSON in self._mocap_ids:
-            self._put(_PERSON, Pose(np.eye(3), np.array([*state.person_m, 0.0])))
+            self._put(_PERSON, _shifted(*state.person_m, 0.0))
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
 
@@ -90,8 +92,8 @@ class Stage:
 
     def _put(self, name: str, pose: Pose) -> None:
         index = self._mocap_ids[name]
-        self.data.mocap_pos[index] = pose.translation_m
-        mujoco.mju_mat2Quat(self.data.mocap_quat[index], pose.rotation.ravel())
+        self._places_m[index] = pose.translation_m
+        mujoco.mju_mat2Quat(self._quaternions[index], pose.rotation.ravel())
 
 
 def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
@@ -410,11 +412,12 @@ def _robot_poses(state: LabState) -> dict[str, Pose]:
     }
 
 
-_BELOW_THE_FLOOR = Pose(np.eye(3), np.array([0.0, 0.0, -5.0]))
+_UNTURNED = np.eye(3)
+_BELOW_THE_FLOOR = Pose(_UNTURNED, np.array([0.0, 0.0, -5.0]))
 
 
 def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
-    return Pose(np.eye(3), np.array([x_m, y_m, z_m]))
+    return Pose(_UNTURNED, np.array([x_m, y_m, z_m]))
 
 
 def shoulder_to_wrist_m(state: LabState) -> float:
@@ -432,9 +435,9 @@ def _elbow_m(wrist_m: Array) -> Array:
     shoulder_m = np.array(_SHOULDER_M)
     way = wrist_m - shoulder_m
     ahead = np.array([way[0], way[1], 0.0]) if way[0] >= 0 else -np.array([way[0], way[1], 0.0])
-    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    ahead /= max(length(ahead), 1e-9)
     up_and_back = -way[2] * ahead + float(way @ ahead) * np.array([0.0, 0.0, 1.0])
-    length_m = max(float(np.linalg.norm(way)), 1e-9)
+    length_m = max(length(way), 1e-9)
     bend_m = sqrt(max(_LINK_M**2 - length_m**2 / 4, 0.0))
     elbow: Array = shoulder_m + way / 2 + up_and_back / length_m * bend_m
     return elbow
@@ -442,11 +445,11 @@ def _elbow_m(wrist_m: Array) -> Array:
 
 def _along(start_m: Array, end_m: Array) -> Pose:
     """Return a pose at `start_m` whose z axis points to `end_m`."""
-    z = (end_m - start_m) / max(float(np.linalg.norm(end_m - start_m)), 1e-9)
+    z = (end_m - start_m) / max(length(end_m - start_m), 1e-9)
     helper = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    x = np.cross(helper, z)
-    x /= np.linalg.norm(x)
-    return Pose(np.column_stack((x, np.cross(z, x), z)), start_m)
+    x = cross(helper, z)
+    x /= length(x)
+    return Pose(columns(x, cross(z, x), z), start_m)
 
 
 def _placed(pose: Pose) -> str:

@@ -14,11 +14,9 @@ from random import Random
 from threading import Lock
 from types import MappingProxyType
 
-import numpy as np
-
 from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory
 from codra_dsl.worlds.lab.layout import Part
-from codra_dsl.worlds.lab.poses import Pose, looking_at
+from codra_dsl.worlds.lab.poses import Pose, camera_at, planar
 
 Values = tuple[float, ...]
 Path = Callable[[float], Values]
@@ -102,11 +100,11 @@ class LabState:
 
     def map_from_robot(self) -> Pose:
         """Return where the robot's base truly stands."""
-        return Pose.planar(*self.base)
+        return planar(*self.base)
 
     def robot_from_camera(self) -> Pose:
         """Return where the arm holds the camera."""
-        return looking_at(np.array(self.eye_m), np.array(self.target_m))
+        return camera_at(self.eye_m, self.target_m)
 
     def map_from_camera(self) -> Pose:
         """Return where the camera truly is (x right, y down, z forward)."""
@@ -297,9 +295,9 @@ class LabWorld:
     def believed_map_from_robot(self, t_s: float) -> Pose:
         """Return where the robot believes its base stands: a few centimetres off, or much more while it is lost."""
         with self._lock:
-            base = self._tracks[Quantity.BASE].at(t_s)
+            x_m, y_m, heading_rad = self._tracks[Quantity.BASE].at(t_s)
             is_localized = self._tracks[Quantity.LOCALIZED].at(t_s)[0] > 0.5
-        return Pose.planar(*base) @ self._error.at(t_s, is_localized=is_localized)
+        return planar(x_m, y_m, heading_rad) @ self._error.at(t_s, is_localized=is_localized)
 
 
 def straight(start: Values, end: Values) -> Path:
