@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 
 from codra_dsl.trees import TreeFile, read_text, write
+from tests.trees.random_trees import RandomTree
 from tests.trees.stories import compiled, document
-from tests.trees.test_reference import bodies, scripted
+from tests.trees.test_reference import trees
 
 ROOT = Path(__file__).parents[2]
 KEPT = """<?xml version="1.0"?>
@@ -69,22 +70,21 @@ def test_what_was_written_is_read_again_equal_and_whole() -> None:
 
 
 @settings(max_examples=100, deadline=None)
-@given(bodies)
-def test_random_trees_are_read_again_equal(body: str) -> None:
-    file, _ = read_text(document(scripted(body)).encode(), "random.xml")
+@given(trees)
+def test_random_trees_are_read_again_equal(made: RandomTree) -> None:
+    file, _ = read_text(made.text.encode(), "random.xml")
     assert file is not None
 
     assert again(file) == file
 
 
 @settings(max_examples=25, deadline=None)
-@given(bodies)
-def test_the_module_does_not_depend_on_how_the_file_is_laid_out(body: str) -> None:
-    text = document(scripted(body))
-    file, _ = read_text(text.encode(), "trees.xml")
+@given(trees)
+def test_the_module_does_not_depend_on_how_the_file_is_laid_out(made: RandomTree) -> None:
+    file, _ = read_text(made.text.encode(), "trees.xml")
     assert file is not None
 
-    assert compiled(write(file)) == compiled(text)
+    assert compiled(write(file)) == compiled(made.text)
 
 
 @pytest.mark.parametrize("name", ["mission", "pick_up"])
@@ -93,11 +93,11 @@ def test_modules_of_whole_trees_are_as_the_formatter_and_the_type_checker_want_t
     module.write_text(compiled((ROOT / "specs" / "trees" / f"{name}.xml").read_text("utf-8")), "utf-8")
 
     for command in (
-        ["ruff", "format", "--check", "--isolated", "--line-length", "120", module],
-        ["ruff", "check", "--isolated", "--select", "E,W,F,I", "--line-length", "120", module],
-        ["mypy", "--strict", module],
+        ["ruff", "format", "--check", "--isolated", "--line-length", "120"],
+        ["ruff", "check", "--isolated", "--select", "E,W,F,I", "--line-length", "120"],
+        ["mypy", "--strict"],
     ):
-        done = subprocess.run([Path(sys.executable).with_name(str(command[0])), *command[1:]], cwd=ROOT, check=False)
+        done = subprocess.run([Path(sys.executable).with_name(command[0]), *command[1:], module], cwd=ROOT, check=False)
         assert done.returncode == 0
 
 
