@@ -18,7 +18,7 @@ from codra_dsl.trees.catalogue import (
     BuiltInPort,
     Holds,
 )
-from codra_dsl.trees.ports import EntryKey, given, is_key
+from codra_dsl.trees.ports import EntryKey, given, is_key, refused_in_name
 from codra_dsl.trees.rules import Told
 from codra_dsl.trees.scripts import ScriptProblem, parse_condition, parse_script
 from codra_dsl.trees.values import (
@@ -80,7 +80,21 @@ class _Checker:
     def names(self) -> None:
         """Ids of trees and models are unique, and the main tree is there."""
         self._unique("tree", ((tree.id, tree.place) for tree in self._forest.trees))
+        for tree in self._forest.trees:
+            if tree.id in self._known:
+                self._told.add(
+                    "duplicate-tree",
+                    f"the tree '{tree.id}' has the name of a node",
+                    tree.place,
+                    help="rename the tree: the library tells trees and nodes apart by their names",
+                )
         models = self._forest.models
+        for tree in self._forest.trees:
+            self._portable(tree.id, tree.place)
+        for model in models:
+            self._portable(model.id, model.place)
+            for port in model.ports:
+                self._portable(port.name, port.place)
         self._unique("model", ((f"{model.kind} {model.id}", model.place) for model in models))
         first = self._forest.files[0]
         if not self._forest.trees:
@@ -96,6 +110,12 @@ class _Checker:
                     model.place,
                     help="only actions and conditions can be a robot's own: make it of those that every tree has",
                 )
+
+    def _portable(self, name: str, place: Place) -> None:
+        letter = refused_in_name(name)
+        if letter is not None:
+            message = f"{letter!r} in the name {name!r}: newer versions of BehaviorTree.CPP refuse the file"
+            self._told.add("library-refuses-name", message, place, help="use letters, digits, '_' and '-'")
 
     def _unique(self, what: str, named: Iterable[tuple[str, Place]]) -> None:
         first: dict[str, Place] = {}

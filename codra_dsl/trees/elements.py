@@ -23,6 +23,9 @@ MAX_ELEMENTS = 10_000
 MAX_ATTRIBUTES = 64
 MAX_VALUE = 4000
 
+WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
+"""Elements of which the text is kept: it describes a port."""
+
 _ATTRIBUTE = re.compile(r"""\s([^\s=/>"']+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 
 
@@ -32,6 +35,7 @@ class Element:
 
     Attributes:
         comments: those before it; `last_comments` those after its last child.
+        text: what stands in it, where that means something (`WITH_TEXT`).
     """
 
     tag: str
@@ -40,6 +44,7 @@ class Element:
     comments: tuple[str, ...] = ()
     children: list[Element] = field(default_factory=list)
     last_comments: tuple[str, ...] = ()
+    text: str = ""
 
     def get(self, name: str) -> Attribute | None:
         """Return an attribute by its name."""
@@ -183,7 +188,16 @@ class _Reader:
         element.last_comments, self._comments = tuple(self._comments), []
 
     def _text(self, text: str) -> None:
-        if text.strip():
+        if self._open and self._open[-1].tag in WITH_TEXT:
+            element = self._open[-1]
+            element.text += text
+            self._limit(
+                len(element.text) <= MAX_VALUE,
+                "tree-file-too-large",
+                f"a text of over {MAX_VALUE:,} characters",
+                element.place,
+            )
+        elif text.strip():
             start = self._offset()
             self._told.add(
                 "xml-not-kept",

@@ -16,6 +16,15 @@ class EntryKey:
     key: str
 
 
+_NOT_IN_NAMES = re.compile(r"""[\s<>&"'/\\:*?|.\x00-\x1f\x7f]""")
+
+
+def refused_in_name(name: str) -> str | None:
+    """Return the first letter that BehaviorTree.CPP does not take in the name of a tree, a node or a port, or None."""
+    letter = _NOT_IN_NAMES.search(name)
+    return None if letter is None else letter[0]
+
+
 def is_key(text: str) -> bool:
     """Return whether a text can name an entry."""
     return _KEY.fullmatch(text) is not None

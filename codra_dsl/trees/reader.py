@@ -238,7 +238,7 @@ class _Shape:
             name=name.value,
             type=values.get("type"),
             default=values.get("default"),
-            description=values.get("description", ""),
+            description=(element.text.strip() or values.get("description", "")).strip(),
             place=name.value_place,
         )
 

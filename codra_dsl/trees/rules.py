@@ -24,6 +24,7 @@ RULES = rules(
     ("CDR2303", "wrong-children", _ERROR),
     ("CDR2304", "missing-attribute", _ERROR),
     ("CDR2305", "port-value", _ERROR),
+    ("CDR2306", "library-refuses-name", _WARNING),
     # Names
     ("CDR3301", "unknown-tree-node", _ERROR),
     ("CDR3302", "unsupported-tree-node", _ERROR),

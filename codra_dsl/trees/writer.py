@@ -62,18 +62,16 @@ def _model(model: NodeModel) -> Iterator[str]:
         yield _STEP * 2 + _alone(model.kind, pairs)
         return
     yield _STEP * 2 + _opened(model.kind, pairs)
-    yield from (_STEP * 3 + _alone(port.direction, _of_port(port)) for port in model.ports)
+    yield from (_STEP * 3 + _port(port) for port in model.ports)
     yield f"{_STEP * 2}</{model.kind}>"
 
 
-def _of_port(port: Port) -> Pairs:
-    yield "name", port.name
-    if port.type is not None:
-        yield "type", port.type
-    if port.default is not None:
-        yield "default", port.default
-    if port.description:
-        yield "description", port.description
+def _port(port: Port) -> str:
+    given = (("name", port.name), ("type", port.type), ("default", port.default))
+    pairs = [(name, value) for name, value in given if value is not None]
+    if not port.description:
+        return _alone(port.direction, pairs)
+    return f"{_opened(port.direction, pairs)}{port.description.translate(_ESCAPE)}</{port.direction}>"
 
 
 def _pairs(attributes: Iterable[Attribute]) -> Pairs:

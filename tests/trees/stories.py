@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from codra_dsl.diagnostics import Diagnostic
@@ -87,8 +88,7 @@ def planned(plans: str, log: list[str]) -> Robot:
     robot = Robot()
     plan = dict(each.split("=") for each in plans.split())
     for leaf in LEAVES:
-        letters = list(plan.get(leaf, "S"))
-        robot.can(leaf, lambda leaf=leaf, letters=letters: Planned(leaf, letters, log))
+        robot.can(leaf, partial(Planned, leaf, list(plan.get(leaf, "S")), log))
     return robot
 
 

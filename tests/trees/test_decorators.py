@@ -299,6 +299,30 @@ def test_number_of_rounds_and_thresholds_can_stand_in_entries() -> None:
         tree.tick()
 
 
+def rounds(tag: str, plans: str) -> list[str]:
+    """What happens in ticks of a loop of two rounds that become one when the first has ended."""
+    log: list[str] = []
+    scope = Scope()
+    scope.create("rounds", 2)
+    body = f'<{tag}><A _post="rounds := 1"/></{tag.split(maxsplit=1)[0]}>'
+    tree = main_tree(document(body), planned(plans, log), scope=scope)
+    return [f"{tree.tick()}: {' '.join(log)}" for _ in range(3)]
+
+
+def test_repeat_reads_its_number_once_a_tick_and_halts_a_child_that_is_one_too_many() -> None:
+    assert rounds('Repeat num_cycles="{rounds}"', "A=RSR") == ["running: A", "running: A a A", "success: A a A A!"]
+
+
+def test_retry_reads_its_number_after_each_failure() -> None:
+    assert rounds('RetryUntilSuccessful num_attempts="{rounds}"', "A=RFR")[1] == "failure: A a"
+
+
+def test_a_loop_that_is_asked_again_without_being_reset_does_not_begin_anew() -> None:
+    body = '<WhileDoElse><LoopInt queue="1" if_empty="FAILURE"><A/></LoopInt><B/><C/></WhileDoElse>'
+
+    assert ticks(body, "C=R", 3) == ["running: A", "running: C", "running: c"]
+
+
 def test_a_threshold_above_the_number_of_children_is_an_error() -> None:
     scope = Scope()
     scope.create("count", 3)

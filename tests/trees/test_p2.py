@@ -66,8 +66,12 @@ class Drive(Action):
 def cary(log: list[str], seen: list[bool]) -> Robot:
     """The robot's simple actions; `seen` is what detections come to, the last one for ever."""
 
-    def says(text: str) -> Callable[[Ports], bool]:
-        return lambda _: log.append(text) is None
+    def says(tell: Callable[[Ports], str]) -> Callable[[Ports], bool]:
+        def told(ports: Ports) -> bool:
+            log.append(tell(ports))
+            return True
+
+        return told
 
     def detect(ports: Ports) -> bool:
         ports.set("container_pose", "container")
@@ -82,10 +86,10 @@ def cary(log: list[str], seen: list[bool]) -> Robot:
     robot.can("MoveTo", lambda: Drive(log))
     robot.does("DetectContainer", detect)
     robot.does("CheckWheels", check_wheels)
-    robot.does("Rotate", lambda ports: log.append(f"rotate {ports.number('angle_deg'):g}") is None)
-    robot.does("RaiseFork", says("raise the fork"))
-    robot.does("LowerFork", says("lower the fork"))
-    robot.does("Inform", lambda ports: log.append(ports.text("message")) is None)
+    robot.does("Rotate", says(lambda ports: f"rotate {ports.number('angle_deg'):g}"))
+    robot.does("RaiseFork", says(lambda _: "raise the fork"))
+    robot.does("LowerFork", says(lambda _: "lower the fork"))
+    robot.does("Inform", says(lambda ports: ports.text("message")))
     return robot
 
 
@@ -117,10 +121,10 @@ class Cary:
         return True
 
     def _abort(self, ports: Ports) -> bool:
-        if self._has_order:
-            self._has_order = False
-            return self.log.append(f"order {ports.text('outcome')}") is None
-        return False
+        had_order, self._has_order = self._has_order, False
+        if had_order:
+            self.log.append(f"order {ports.text('outcome')}")
+        return had_order
 
     def _take(self, ports: Ports) -> bool:
         self._has_order = True

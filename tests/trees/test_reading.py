@@ -190,6 +190,23 @@ def test_nodes_of_ones_own_can_only_be_leaves(kind: str) -> None:
     assert (found.rule.name, found.message) == ("unsupported-tree-node", f"'Own' is a {kind.lower()} node of one's own")
 
 
+@pytest.mark.parametrize(("name", "models"), [("Sequence", ""), ("MoveTo", '<Action ID="MoveTo"/>')])
+def test_a_tree_cannot_have_the_name_of_a_node(name: str, models: str) -> None:
+    others = f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>'
+    (found,) = findings(document(f'<SubTree ID="{name}"/>', models, others))
+
+    assert (found.rule.name, found.message) == ("duplicate-tree", f"the tree '{name}' has the name of a node")
+
+
+def test_names_that_newer_versions_of_the_library_refuse_are_told() -> None:
+    others = '<BehaviorTree ID="give up"><AlwaysSuccess name="any thing: 1.5"/></BehaviorTree>'
+    models = '<Action ID="Move.To"><input_port name="to/from"/><input_port name="T\u00fcr-1_a"/></Action>'
+
+    found = findings(document("<AlwaysSuccess/>", models, others))
+    assert {each.rule.name for each in found} == {"library-refuses-name"}
+    assert [each.message[:3] for each in found] == ["' '", "'.'", "'/'"]
+
+
 def test_columns_count_letters_not_bytes() -> None:
     line = document("<Sequence name='\u00e4\u2603\U0001f916'><Sleep msec='soon'/></Sequence>")
 

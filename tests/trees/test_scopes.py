@@ -59,6 +59,22 @@ def test_ports_of_a_subtree_are_remapped() -> None:
     assert sorted(scope.names()) == ["move_goal", "move_result"]  # `code` and `_own` are the subtree's own
 
 
+def test_an_entry_that_a_port_names_can_be_assigned_to() -> None:
+    """The example of tutorial 6 as it stands there: `=` where nothing has been written yet."""
+    body = """<Sequence><Script code="move_goal = '1;2;3'"/>
+      <SubTree ID="MoveRobot" target="{move_goal}" result="{move_result}"/><Say message="{move_result}"/></Sequence>"""
+
+    assert said(body)[0] == ["1;2;3", "goal reached"]
+    with pytest.raises(TreeError, match="no entry 'elsewhere' yet"):
+        said("""<Sequence><Script code="elsewhere = '1;2;3'"/><Say message="{move_goal}"/></Sequence>""")
+
+
+def test_a_port_of_a_node_that_every_tree_has_names_an_entry_too() -> None:
+    _, scope = said('<Sequence><Script code="n = 2"/><Repeat num_cycles="{n}"><AlwaysSuccess/></Repeat></Sequence>')
+
+    assert scope.get("n") == 2
+
+
 def test_autoremap_shares_all_entries_but_private_ones() -> None:
     body = """<Sequence><Script code="target := 'here'"/><SubTree ID="MoveRobot" _autoremap="true"/></Sequence>"""
 
@@ -151,7 +167,7 @@ def test_a_robot_that_lacks_an_action_is_told_before_the_first_tick() -> None:
 
 def test_a_function_that_forgets_to_say_what_it_came_to_is_an_error() -> None:
     robot = Robot()
-    robot.does("A", lambda _: [].append(1))  # type: ignore[func-returns-value, arg-type, return-value]
+    robot.does("A", lambda _: [].append(1))  # type: ignore[arg-type, return-value]
 
     with pytest.raises(TreeError, match="'A' returned None: it must return True, False or a Result"):
         main_tree(document("<A/>"), robot).tick()

@@ -76,25 +76,28 @@ class _Loop(Kind):
 
     def tick(self, node: Node) -> Result:
         """Go through rounds until one takes more than this tick; it yields after a round that took one tick only."""
-        while self._goes_on(node):
+        rounds = node.whole(self._rounds)
+        while self._goes_on(rounds):
             was_idle = node.nodes[0].result is Result.IDLE
             result = _ticked(node)
             if result is not self._again:
                 self._done = 0 if result.is_completed else self._done
                 return result
             self._done += 1
-            if was_idle and self._goes_on(node):
+            if self._again is Result.FAILURE:  # the library looks again after a failed attempt, but not after a cycle
+                rounds = node.whole(self._rounds)
+            if was_idle and self._goes_on(rounds):
                 node.wake()
                 return Result.RUNNING
         self._done = 0
+        node.reset_children()
         return self._again
 
     def halt(self, node: Node) -> None:  # noqa: ARG002
         """Count anew the next time."""
         self._done = 0
 
-    def _goes_on(self, node: Node) -> bool:
-        rounds = node.whole(self._rounds)
+    def _goes_on(self, rounds: int) -> bool:
         return rounds == WITHOUT_END or self._done < rounds
 
 
@@ -232,12 +235,12 @@ class QueueLoop(Kind):
         self._read = read
         self._value = value
         self._if_empty = if_empty
-        self._left: list[object] | None = None
+        self._left: list[object] = []
 
     def tick(self, node: Node) -> Result:
         """Go on with a running child, else take the next item."""
-        if not node.is_running:
-            self._left = None
+        if node.result is Result.IDLE and isinstance(self._queue, str):
+            self._left = [self._item(node, item) for item in self._queue.split(";")] if self._queue else []
         if not node.nodes[0].is_running:
             items = self._items(node)
             if not items:
@@ -253,8 +256,6 @@ class QueueLoop(Kind):
             if not isinstance(held, list):
                 raise TreeError(f"the entry {self._queue.key!r} holds no list: {node.name!r} takes items off one")
             return held
-        if self._left is None:
-            self._left = [self._item(node, item) for item in self._queue.split(";")] if self._queue else []
         return self._left
 
     def _item(self, node: Node, text: str) -> object:

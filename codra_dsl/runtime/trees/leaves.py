@@ -251,6 +251,10 @@ class Leaf(Kind):
         self._bound = surroundings.leaves.of(self._name), ports
         return surroundings
 
+    def entries(self) -> Iterable[Entry]:
+        """Return the entries that its ports name."""
+        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
+
     def tick(self, node: Node) -> Result:
         """Start the action, or ask how it goes on."""
         action, ports = self._action()

@@ -9,7 +9,7 @@ its `Kind` decides what a tick means.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -140,6 +140,10 @@ class Kind(ABC):
         """Take what it needs from the surroundings, and return those of its children."""
         return surroundings
 
+    def entries(self) -> Iterable[Entry]:
+        """Return the entries that its ports name."""
+        return (setting for setting in vars(self).values() if isinstance(setting, Entry))
+
 
 class Node(Behaviour):
     """One node, with its children."""
@@ -166,6 +170,8 @@ class Node(Behaviour):
     def bind(self, surroundings: Surroundings) -> None:
         """Give the node and all below it what they need to be ticked."""
         self._surroundings = surroundings
+        for entry in self._kind.entries():
+            surroundings.scope.declare(entry.key)
         inner = self._kind.bind(self, surroundings)
         for child in self.nodes:
             child.bind(inner)

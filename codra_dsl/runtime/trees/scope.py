@@ -47,6 +47,7 @@ class Scope:
         self._remapped = dict(remapped or {})
         self._remaps_all = remaps_all
         self._constants: set[str] = set()
+        self._declared: set[str] = set()
         self._entries: dict[str, _Entry] = {}
 
     def within(self, remapped: Mapping[str, str], constants: Mapping[str, str], *, remaps_all: bool) -> Scope:
@@ -82,6 +83,11 @@ class Scope:
         entry = self._find(name)
         return 0 if entry is None else entry.writes
 
+    def declare(self, name: str) -> None:
+        """Say that a port names an entry: it can be assigned to from then on, though it has no value yet."""
+        owner, own_name = self._owner(name)
+        owner._declared.add(own_name)
+
     def create(self, name: str, value: object) -> None:
         """Write an entry, which need not be there (`:=`).
 
@@ -92,18 +98,21 @@ class Scope:
         owner._write(own_name, value)
 
     def assign(self, name: str, value: object) -> None:
-        """Write an entry that is there (`=`).
+        """Write an entry that is there, or that a port names (`=`).
 
         Raises:
-            TreeError: if it is not, or has another type.
+            TreeError: if it is neither, or has another type.
         """
-        self.get(name)
+        owner, own_name = self._owner(name)
+        if own_name not in owner._declared:
+            self.get(name)
         self.create(name, value)
 
     def unset(self, name: str) -> None:
         """Remove an entry, if it is there."""
         owner, own_name = self._owner(name)
         owner._entries.pop(own_name, None)
+        owner._declared.discard(own_name)
 
     def __getitem__(self, name: str) -> Any:
         """Return the value of an entry as scripts compute with it."""
