@@ -208,7 +208,8 @@ class Draft:
     def insert_edge(self, origin: str, type_name: str, target: str, values: Mapping[str, object]) -> None:
         """Insert an edge that is a symbol, or write attributes of the one that is there."""
         edge_type = self.words.edge_type(type_name)
-        edge_type.rights.check(self.agent, f"edges of type {type_name}")
+        if self.agent not in edge_type.rights.writers:
+            edge_type.rights.refuse(self.agent, f"edges of type {type_name}")
         if edge_type.model.motion is not None:
             raise ValueError(f"an edge of type {type_name!r} has a pose: place {target!r} in {origin!r}")
         self.draw(edge_type, origin, target)
@@ -239,7 +240,13 @@ class Draft:
             self._remove_edge(known)
         number = self._next_number
         self._next_number = number + 1
-        self._add_edge(Edge(origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s))
+        self._new_edges[key] = edge = Edge(
+            origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s
+        )
+        self._directory.add_edge(key)
+        self.touched.append(("edge", type_name))
+        if self.notes is not None:
+            self._note_edge(edge, "edge_inserted")
 
     def delete_edge(self, origin: str, type_name: str, target: str) -> None:
         """Delete an edge; a node that had a pose by it stands nowhere from now on."""
@@ -401,15 +408,6 @@ class Draft:
         return known_reading(
             name, content, evidence_s, evidence_s, now_s, evidence_s + declared.model.valid_for_s, agent
         )
-
-    def _add_edge(self, edge: Edge) -> None:
-        origin, label, target, type_name, *_ = edge
-        key = (origin, label, target)
-        self._new_edges[key] = edge
-        self._directory.add_edge(key)
-        self.touched.append(("edge", type_name))
-        if self.notes is not None:
-            self._note_edge(edge, "edge_inserted")
 
     def _remove_edge(self, edge: Edge) -> None:
         if self.words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
