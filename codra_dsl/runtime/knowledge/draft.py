@@ -99,7 +99,7 @@ class Draft:
         self.notes = notes
         self.operation: Any = None
 
-    def state(self, since_s: float) -> State:
+    def state(self) -> State:
         """Return the state that the changes make; once, and only of a draft that began as the present state."""
         nodes, edges, directory = self._nodes, self._edges, self._directory
         if self._new_nodes:
@@ -109,7 +109,7 @@ class Draft:
         if directory.added > directory.most:
             directory = directory.renewed(nodes, edges)
         return State(
-            since_s,
+            self.now_s,
             self._version + 1,
             self._next_number,
             nodes,
@@ -127,7 +127,8 @@ class Draft:
     def take(self, other: Draft) -> None:
         """Take over what another draft, which began as the same state, has become."""
         for name in Draft.__slots__:
-            setattr(self, name, getattr(other, name))
+            if name != "now_s":  # it becomes the present state now, not when the other draft was begun
+                setattr(self, name, getattr(other, name))
 
     # Nodes
 

@@ -32,7 +32,7 @@ from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
 from codra_dsl.runtime.knowledge.watching import Change, Sight, Watch, Watches, of_attribute, of_matches, of_wakes
 from codra_dsl.runtime.knowledge.words import Words
-from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction
+from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction, closed
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.subscriptions import Subscription
 
@@ -222,12 +222,7 @@ class Knowledge:
 
         def check() -> None:
             if is_closed:
-                raise PermissionError(f"this handle of the agent {name!r} is closed")
-
-        def commit(verb: Verb, given: tuple[Any, ...]) -> Any:
-            if is_closed:
-                check()
-            return self._do(name, verb, given)
+                closed(name)
 
         def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check()
@@ -244,7 +239,7 @@ class Knowledge:
                 subscription.unsubscribe()
 
         means = Means(
-            commit=commit,
+            commit=partial(self._do, name),
             transact=lambda: self._transaction(name, check, _nothing),
             wake=wake,
             act=partial(self._acting, name, check),
@@ -324,7 +319,7 @@ class Knowledge:
     def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
         with self._turn:
-            draft = self._draft(agent)
+            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
                 result = change(draft)
             except PermissionError as error:
@@ -340,7 +335,7 @@ class Knowledge:
         As `_write`, for what is done most: it makes an operation only where somebody is told of it.
         """
         with self._turn:
-            draft = self._draft(agent)
+            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
                 result = DEEDS[verb](draft, *given)
             except PermissionError as error:
@@ -350,17 +345,14 @@ class Knowledge:
                 self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
         return result
 
-    def _draft(self, agent: str) -> Draft:
-        return Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
-
     def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
         sharing = self._sharing
         if sharing is None:
-            self._hold(draft.state(self._step_now_s()))
+            self._hold(draft.state())
         else:
             sharing.tell_input(draft.agent, operations)
-            self._hold(draft.state(self._step_now_s()))
+            self._hold(draft.state())
             self._held = draft.shared
             try:
                 sharing.commit(draft, self._state.version)
