@@ -11,7 +11,7 @@ from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.geometry import Outcome, Pose
 from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
-from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node
+from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node, made
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
 from codra_dsl.runtime.model import NotOfTypeError, text
@@ -108,16 +108,19 @@ class Draft:
             edges = edges.with_changes(self._new_edges)
         if directory.added > directory.most:
             directory = directory.renewed(nodes, edges)
-        return State(
-            self.now_s,
-            self._version + 1,
-            self._next_number,
-            nodes,
-            edges,
-            directory,
-            self._frames,
-            self._handovers,
-            self._gone,
+        return made(
+            State,
+            (
+                self.now_s,
+                self._version + 1,
+                self._next_number,
+                nodes,
+                edges,
+                directory,
+                self._frames,
+                self._handovers,
+                self._gone,
+            ),
         )
 
     def is_of(self, state: State) -> bool:
@@ -144,7 +147,7 @@ class Draft:
             raise PresentError(f"there is a node {name!r} already")
         number = self._next_number
         self._next_number = number + 1
-        self._new_nodes[name] = Node(name, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        self._new_nodes[name] = made(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s))
         self._directory.add_node(name, type_name)
         self.touched.append(("node", type_name))
         if self.notes is not None:
@@ -197,7 +200,7 @@ class Draft:
         history = histories.get(attribute)
         reading = self._reading(history, declared, name, value, evidence_s)
         longer = (History() if history is None else history).with_reading(reading, declared.model.history)
-        self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: longer}, writer, since_s)
+        self._new_nodes[name] = made(Node, (name, type_name, number, {**histories, attribute: longer}, writer, since_s))
         self.touched.append((name, attribute))
         if declared.variable:
             self.shared += (reading,)
@@ -241,9 +244,8 @@ class Draft:
             self._remove_edge(known)
         number = self._next_number
         self._next_number = number + 1
-        self._new_edges[key] = edge = Edge(
-            origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s
-        )
+        told = (origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        self._new_edges[key] = edge = made(Edge, told)
         self._directory.add_edge(key)
         self.touched.append(("edge", type_name))
         if self.notes is not None:
@@ -282,7 +284,8 @@ class Draft:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
     def _edge_at(self, key: EdgeKey) -> Edge | None:
-        return self._new_edges[key] if key in self._new_edges else self._edges.get(key)
+        changed = self._new_edges
+        return changed[key] if changed and key in changed else self._edges.get(key)
 
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it is there, whoever may."""
