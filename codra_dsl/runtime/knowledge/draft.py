@@ -195,17 +195,21 @@ class Draft:
 
     def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node, whoever may."""
-        name, type_name, number, histories, writer, since_s = node
-        attribute = declared.model.name
-        history = histories.get(attribute)
-        reading = self._reading(history, declared, name, value, evidence_s)
-        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
-        self._new_nodes[name] = made(Node, (name, type_name, number, {**histories, attribute: longer}, writer, since_s))
-        self.touched.append((name, attribute))
+        reading = self._reading(node.histories.get(declared.model.name), declared, node.name, value, evidence_s)
+        self.take_in(node, declared, reading)
         if declared.variable:
             self.shared += (reading,)
         elif self.notes is not None:
             self._note_reading(declared, reading)
+
+    def take_in(self, node: Node, declared: Attribute, reading: Reading[Value]) -> None:
+        """Add a reading to what is known of an attribute of a node."""
+        name, type_name, number, histories, writer, since_s = node
+        attribute, most = declared.model.name, declared.model.history
+        history = histories.get(attribute)
+        longer = (History() if history is None else history).with_reading(reading, most)
+        self._new_nodes[name] = made(Node, (name, type_name, number, {**histories, attribute: longer}, writer, since_s))
+        self.touched.append((name, attribute))
 
     # Edges
 

@@ -23,7 +23,6 @@ from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.acting import Acting, RuleError
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.draft import Draft, Touched
-from codra_dsl.runtime.knowledge.elements import History
 from codra_dsl.runtime.knowledge.matching import reads
 from codra_dsl.runtime.knowledge.operations import DEEDS, Operation, Verb, operations_of
 from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
@@ -177,15 +176,13 @@ class Knowledge:
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
-        if any(each is reading for each in self._held):
+        if self._held and any(each is reading for each in self._held):
             return  # it is in the graph already, with all that was written with it
-        name = reading.name
-        node = self._state.nodes[self._words.variables[name]]
-        most = self._words.attribute(node, name).model.history
-        history = node.histories.get(name, History()).with_reading(reading, most)
-        nodes = self._state.nodes.with_entry(node.name, node._replace(histories={**node.histories, name: history}))
-        self._hold(self._state._replace(since_s=self._step_now_s(), version=self._state.version + 1, nodes=nodes))
-        self._watches.changed([(node.name, name)])
+        draft = Draft(self._words, self._state, self._step_now_s(), reading.source)
+        node = draft.node(self._words.variables[reading.name])
+        draft.take_in(node, self._words.attribute(node, reading.name), reading)
+        self._hold(draft.state())
+        self._watches.changed(draft.touched)
 
     def in_step(self) -> Snapshot:
         """Return the graph as it is at the instant of the present step."""
