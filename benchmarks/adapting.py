@@ -122,7 +122,17 @@ def _weights(codra: store.Store) -> list[float]:
 def _robot() -> Robot:
     """Return a robot whose actions go on, and that nobody asks for a container."""
     robot = Robot()
-    for name in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "CompleteOrder", "AbortOrder", "Inform"):
+    for name in (
+        "TakeOrder",
+        "SetOrderAside",
+        "ResumeOrders",
+        "CompleteOrder",
+        "RedirectOrder",
+        "CloseOrder",
+        "IsLoaded",
+    ):
+        robot.does(name, lambda _: Result.RUNNING)
+    for name in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform"):
         robot.does(name, lambda _: Result.RUNNING)
     for name in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
         robot.does(name, lambda _: Result.RUNNING)
