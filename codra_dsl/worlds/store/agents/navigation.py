@@ -14,7 +14,7 @@ from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.surroundings import away, obstacles, room_m
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
-from codra_dsl.worlds.store.body import Body, Outcome, Way
+from codra_dsl.worlds.store.body import Body, Outcome, Stop, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
@@ -51,6 +51,7 @@ class Navigation:
         self._tries, self._bumps = 0, 0
         self._way: Way | None = None
         self._pause: Timer | None = None
+        self._halt: Stop | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit)
         self._rounds = Rounds(clock, PERIOD_S, self._tell)
@@ -79,7 +80,8 @@ class Navigation:
     def _stop(self) -> None:
         if self._pause is not None:
             self._pause.cancel()
-        self._body.stop()
+        if self._halt is not None:
+            self._halt()
 
     # Ways
 
@@ -134,11 +136,11 @@ class Navigation:
 
     def _drive(self, points_m: Sequence[Point], way: Way, done: Callable[[Outcome], None]) -> None:
         self._way = way
-        self._body.drive(points_m, way, done)
+        self._halt = self._body.drive(points_m, way, done)
 
     def _turn(self, angle_rad: float, done: Callable[[Outcome], None]) -> None:
         self._way = None
-        self._body.turn(angle_rad, done)
+        self._halt = self._body.turn(angle_rad, done)
 
     # Ends
 
