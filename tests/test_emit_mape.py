@@ -166,7 +166,17 @@ class Busy(Action):
 def running() -> Iterator[tuple[Store, SimClock, Mape]]:
     clock = SimClock()
     robot = Robot()
-    for leaf in ("TakeOrder", "MoveTo", "PickUp", "LowerFork", "CompleteOrder", "AbortOrder", "Inform", "IsRequested"):
+    for leaf in (
+        "TakeOrder",
+        "SetOrderAside",
+        "ResumeOrders",
+        "CompleteOrder",
+        "RedirectOrder",
+        "CloseOrder",
+        "IsLoaded",
+    ):
+        robot.can(leaf, Busy)
+    for leaf in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested"):
         robot.can(leaf, Busy)
     for leaf in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
         robot.can(leaf, Busy)

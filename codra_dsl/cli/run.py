@@ -61,7 +61,9 @@ PaceOption = Annotated[Pace, typer.Option("--pace", help="Whether simulated or r
 Naive = Annotated[bool, typer.Option("--naive", help="Add an arm without conditions that looks again at once.")]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Where pictures and records go.  [default: runs/NAME-seed-SEED]"),
+    typer.Option(
+        "--out", metavar="DIR", help="Where pictures and records go.  [default: runs/NAME-seed-SEED; store: nowhere]"
+    ),
 ]
 JournalOption = Annotated[
     Path | None,
@@ -110,7 +112,7 @@ def run_command(
     duration_s = None if for_ is None else _duration_s(for_)
     (spec,) = existing([spec])
     if world is World.STORE:
-        _refuse_options("the store has no", {"--naive": naive, "--out": out is not None})
+        _refuse_options("the store has no", {"--naive": naive})
         if port is not None and not page:
             raise typer.BadParameter("it is the port of --page", param_hint="--port")
         settings = StoreOptions(
@@ -121,6 +123,7 @@ def run_command(
             page=PageOptions(port=port or 0) if page else None,
             progress=_progress(),
             journal=None if journal is None else _writable(journal),
+            out=None if out is None else made_folder(out),
         )
         run_in_store(spec, settings, color)
     else:

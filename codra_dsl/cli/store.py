@@ -18,6 +18,7 @@ from codra_dsl.cli.lab import one_plan
 
 if TYPE_CHECKING:
     from codra_dsl.experiments.store_run import Compiled, StoreRun, StoreRunSettings
+    from codra_dsl.model import Spec
 
 LONG_S = 600.0
 """How long a run lasts of which nobody said how long."""
@@ -36,7 +37,11 @@ class PageOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoreOptions:
-    """What the command was told, in its words."""
+    """What the command was told, in its words.
+
+    Attributes:
+        out: the folder for pictures; None if none are wanted.
+    """
 
     seed: int
     duration_s: float | None
@@ -45,6 +50,7 @@ class StoreOptions:
     page: PageOptions | None
     progress: Callable[[float], None]
     journal: Path | None
+    out: Path | None
 
 
 def run_in_store(spec: Path, options: StoreOptions, color: Colour) -> None:
@@ -67,6 +73,20 @@ def run_in_store(spec: Path, options: StoreOptions, color: Colour) -> None:
     if sys.stderr.isatty():
         print("\r", end="", file=sys.stderr)
     write_result(store_text(run))
+    if options.out is not None and not plan.checked.spec.metrics:
+        say(f"nothing was drawn: '{name}' has no metrics")
+    elif options.out is not None:
+        say(f"drawn: {_drawn(run, plan.checked.spec, options.out)}")
+
+
+def _drawn(run: StoreRun, spec: Spec, folder: Path) -> Path:
+    """Draw the metrics of a run and the weights of its actions over time; return where."""
+    from codra_dsl.worlds.store.curves import draw_adaptation
+
+    path = folder / "metrics-and-weights.svg"
+    weights = [f"weight_of_{each.name}" for each in spec.actions]
+    draw_adaptation(path, run.record, [each.name for each in spec.metrics], weights)
+    return path
 
 
 def _settings(options: StoreOptions) -> StoreRunSettings:

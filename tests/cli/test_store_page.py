@@ -119,6 +119,18 @@ def test_delivery_is_asked_for_and_the_robot_sets_out(browser: Browser, run: Run
     assert re.search(r"navigating wants .*\"agent\":\"mission\"", told)
 
 
+def test_an_order_is_taken_back_by_a_click(browser: Browser, run: Run) -> None:
+    page = opened(browser, run)
+    page.get_by_role("button", name="Ask for delivery").click()
+    page.get_by_role("button", name="Take back order 1").click()
+    expect(page.locator("#orders")).to_contain_text("cancelled", timeout=1000 * LONG_S)
+
+    told = run.events("--kind", "knowledge")
+
+    assert re.search(r"order_1\.cancelled written .*\"agent\":\"picker_page\"", told)
+    assert re.search(r"order_1\.state written .*\"agent\":\"mission\".*\"value\":\"cancelled\"", told)
+
+
 def test_full_is_marked_with_the_keyboard_and_every_browser_sees_it(browser: Browser, run: Run) -> None:
     page, other = opened(browser, run), opened(browser, run, viewport={"width": 390, "height": 844})
     full = page.get_by_role("button", name="Full")

@@ -127,6 +127,8 @@ class Picture:
 
 
 Done = Callable[[Outcome], None]
+Stop = Callable[[], None]
+"""Brakes and drops a command, which ends as stopped; one that has ended, or given way to another, is left alone."""
 
 
 class Body(Protocol):
@@ -172,18 +174,14 @@ class Body(Protocol):
         """Drive no faster than this from now on."""
         ...
 
-    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> None:
+    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
         """Drive from point to point, in the believed map; backwards without turning on the spot."""
         ...
 
-    def turn(self, angle_rad: float, done: Done) -> None:
+    def turn(self, angle_rad: float, done: Done) -> Stop:
         """Turn on the spot."""
         ...
 
-    def lift(self, lift: Lift, done: Done) -> None:
+    def lift(self, lift: Lift, done: Done) -> Stop:
         """Raise or lower the fork."""
-        ...
-
-    def stop(self) -> None:
-        """Brake, and drop the command under way; it ends as stopped."""
         ...

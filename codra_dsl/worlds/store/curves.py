@@ -56,4 +56,4 @@ def _draw(axes: Axes, shown: Mapping[str, Curve], title: str) -> None:
             axes.step(*zip(*curve, strict=True), where="post", label=name.removeprefix("weight_of_"))
     axes.set_ylim(0.0, 1.0)
     axes.set_ylabel(title)
-    axes.legend(loc="center right", fontsize=8)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)  # beside the curves, not on them

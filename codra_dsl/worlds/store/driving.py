@@ -41,6 +41,9 @@ FORK_LANE_M = 0.15
 PATIENCE_S = 8.0
 """How long it stands before something in its way until it gives up."""
 
+FREED = 3.0
+"""So many times as fast it forgets, while its way is free, that something was in it."""
+
 LIFT_S = 3.0
 _EDGE_M = 0.02
 TURN_ON_SPOT_ABOVE_RAD = 0.2
@@ -175,6 +178,11 @@ class Driving:
         self.end(Outcome.STOPPED)
         self._command, self._blocked_s = command, 0.0
 
+    def stop(self, command: Command) -> None:
+        """End a command as stopped, if it is the one under way."""
+        if self._command is command:
+            self.end(Outcome.STOPPED)
+
     def end(self, outcome: Outcome) -> None:
         """End the command that is under way, if there is one."""
         if self._command is not None:
@@ -189,8 +197,8 @@ class Driving:
             self._blocked_s += STEP_S
             if self._blocked_s >= PATIENCE_S:
                 self.end(Outcome.BLOCKED)
-        else:
-            self._blocked_s = 0.0
+        else:  # now and then noise lets what is just too near seem free
+            self._blocked_s = max(self._blocked_s - FREED * STEP_S, 0.0)
         return Wish(
             speed_m_s=_nearer(senses.speed_m_s, free.speed_m_s, SPEED_UP_M_S2, BRAKE_M_S2),
             turn_rate_rad_s=_nearer(senses.turn_rate_rad_s, free.turn_rate_rad_s, TURN_UP_RAD_S2, 4.0),

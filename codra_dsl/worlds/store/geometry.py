@@ -111,15 +111,6 @@ class Scene:
         self._centres = np.array([disc.centre_m for disc in round_things], dtype=np.float64).reshape(-1, 2)
         self._radii = np.array([disc.radius_m for disc in round_things], dtype=np.float64)
 
-    def joined(self, other: Scene) -> Scene:
-        """Return the scene that holds what both hold."""
-        both = Scene()
-        both._starts = np.concatenate((self._starts, other._starts))
-        both._ways = np.concatenate((self._ways, other._ways))
-        both._centres = np.concatenate((self._centres, other._centres))
-        both._radii = np.concatenate((self._radii, other._radii))
-        return both
-
     def ranges_m(self, eye_m: Point, bearings_rad: Floats, farthest_m: float) -> Floats:
         """Return for each ray how far it goes before it meets something, at most `farthest_m`.
 

@@ -1,4 +1,4 @@
-"""People in the shop: they walk along the corridors, stop before shelves, and go round nothing but the robot.
+"""People in the shop: they walk along the corridors, stop before shelves, and step round the robot alone.
 
 Each person has a random source of its own, so that one more person changes nothing for the others.
 """

@@ -21,7 +21,7 @@ from codra_dsl.worlds.store.body import (
     Side,
     Sighting,
 )
-from codra_dsl.worlds.store.geometry import Box, Disc, Scene, Stand, wrapped
+from codra_dsl.worlds.store.geometry import Box, Disc, Floats, Scene, Stand, wrapped
 from codra_dsl.worlds.store.people import PERSON_RADIUS_M
 from codra_dsl.worlds.store.state import SHELL, StoreState
 
@@ -31,6 +31,7 @@ LASER_RAYS = {Side.FRONT_LEFT: 96, Side.FRONT_RIGHT: 96, Side.BACK: 191}
 """A ray every two degrees in front; every degree behind, where it is to see wheels."""
 
 LASER_VIEW_RAD = radians(190.0)
+_BEARINGS_RAD = {side: np.linspace(-LASER_VIEW_RAD / 2, LASER_VIEW_RAD / 2, rays) for side, rays in LASER_RAYS.items()}
 
 SMALLEST_SHARE = 0.35
 """Less of a thing in sight is never recognised."""
@@ -45,9 +46,8 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
     """Return one turn of a laser: the distance to what it meets, with noise of a centimetre."""
     mount = LASERS_AT[side]
     eye = Stand(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
-    rays = LASER_RAYS[side]
-    bearings = np.linspace(-LASER_VIEW_RAD / 2, LASER_VIEW_RAD / 2, rays)
-    ranges = _scene(state, side).ranges_m(eye.point_m, bearings + eye.heading_rad, LASER_FARTHEST_M)
+    rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
+    ranges = _ranges_m(_moving(state, side), eye, bearings, LASER_FARTHEST_M)
     noise = np.random.default_rng((seed, list(Side).index(side), state.step)).normal(0.0, LASER_NOISE_M, rays)
     noisy = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
     return Scan(
@@ -73,7 +73,7 @@ def visible_share(state: StoreState, thing: Box | Disc) -> float:
     rays = bearings + eye.heading_rad
     own = Scene((), (thing,)) if isinstance(thing, Disc) else Scene((thing,))
     own_m = own.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
-    others_m = SHELL.joined(_others(state, thing)).ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 2.0)
+    others_m = _ranges_m(_others(state, thing), eye, bearings, CAMERA_FARTHEST_M + 2.0)
     return float((is_inside & (own_m < others_m)).mean())
 
 
@@ -92,13 +92,22 @@ def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
     return [[(random.uniform(60.0, 400.0), random.uniform(0.0, 2 * pi), size) for _ in range(2)] for size in sizes]
 
 
-def _scene(state: StoreState, side: Side) -> Scene:
-    """Return what a laser can meet: of containers their frames in front, their wheels near the floor behind."""
+def _moving(state: StoreState, side: Side) -> Scene:
+    """Return what a laser can meet besides the map: of containers frames in front, wheels near the floor behind."""
     discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
     standing = state.standing()
     if side is not Side.BACK:
-        return SHELL.joined(Scene([each.box() for each in standing], discs))
-    return SHELL.joined(Scene([], [*discs, *(wheel for each in standing for wheel in each.wheels())]))
+        return Scene([each.box() for each in standing], discs)
+    return Scene([], [*discs, *(wheel for each in standing for wheel in each.wheels())])
+
+
+def _ranges_m(moving: Scene, eye: Stand, bearings_rad: Floats, farthest_m: float) -> Floats:
+    """Return how far rays go before they meet a shelf, a wall, or what moves; shape (rays,)."""
+    rays = bearings_rad + eye.heading_rad
+    found: Floats = np.minimum(
+        SHELL.ranges_m(eye.point_m, rays, farthest_m), moving.ranges_m(eye.point_m, rays, farthest_m)
+    )
+    return found
 
 
 def _camera(state: StoreState) -> Stand:

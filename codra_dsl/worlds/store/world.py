@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import cos, hypot, pi, remainder, sin
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.worlds.store import sensors
-from codra_dsl.worlds.store.body import Done, Lift, Outcome, Picture, Scan, Side, Way
+from codra_dsl.worlds.store.body import Done, Lift, Outcome, Picture, Scan, Side, Stop, Way
 from codra_dsl.worlds.store.driving import STEP_S, STEPS_PER_S, Drive, Driving, Raise, Senses, Turn, Wish
 from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
 from codra_dsl.worlds.store.layout import DOCK, FIXED, FORK_M, START
@@ -315,25 +316,25 @@ class Cary:
         """Drive no faster than this from now on."""
         self._world.driving().max_speed_m_s = speed_m_s
 
-    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> None:
+    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
         """Drive from point to point, in the believed map."""
-        self._begin(Drive(points_m, way, done))
+        return self._begin(Drive(points_m, way, done))
 
-    def turn(self, angle_rad: float, done: Done) -> None:
+    def turn(self, angle_rad: float, done: Done) -> Stop:
         """Turn on the spot."""
-        self._begin(Turn(angle_rad, done))
+        return self._begin(Turn(angle_rad, done))
 
-    def lift(self, lift: Lift, done: Done) -> None:
+    def lift(self, lift: Lift, done: Done) -> Stop:
         """Raise or lower the fork."""
-        self._begin(Raise(lift, done))
+        return self._begin(Raise(lift, done))
 
-    def stop(self) -> None:
-        """Brake, and drop the command under way."""
-        self._world.driving().end(Outcome.STOPPED)
-        self._world.tell_ended()
-
-    def _begin(self, command: Drive | Turn | Raise) -> None:
+    def _begin(self, command: Drive | Turn | Raise) -> Stop:
         self._world.driving().begin(command)
+        return partial(self._stop, command)
+
+    def _stop(self, command: Drive | Turn | Raise) -> None:
+        self._world.driving().stop(command)
+        self._world.tell_ended()
 
 
 def _outer(frame: Stand, inner: Stand) -> Stand:

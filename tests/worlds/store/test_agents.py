@@ -102,6 +102,19 @@ def test_who_is_gone_is_forgotten() -> None:
     assert bench.knowledge.get("robot", "person_distance").value == 10.0
 
 
+def test_somebody_at_whom_the_camera_does_not_look_any_more_is_remembered_for_some_seconds() -> None:
+    bench = Bench(Stand(8.2, 6.0, pi / 2))
+    bench.world.add_person(crossing((8.0, 8.0), [(7.5, 6.2)], 1, (7.5, 6.2)))
+    distances_m: list[float] = []
+    bench.knowledge.follow("robot", "person_distance", lambda r: distances_m.append(r.value) if r.known else None)
+    bench.clock.sleep(4.5)
+    assert bench.world.body.look().sightings == ()
+    assert distances_m[-1] < 2.0
+    bench.clock.sleep(6.0)
+
+    assert distances_m[-1] == 10.0
+
+
 def test_somebody_behind_a_shelf_is_not_seen() -> None:
     bench = Bench(Stand(8.2, 6.0, pi / 2))
     bench.let_in((11.8, 8.0))
@@ -212,6 +225,29 @@ def test_navigation_gives_up_backwards_when_somebody_is_behind() -> None:
 
     assert bench.done("navigating").result == "blocked"
     assert bench.world.events == []
+
+
+def test_navigation_leaves_where_somebody_stands_too_near_to_turn() -> None:
+    bench = Bench(START)
+    bench.let_in(START.out(-0.3, 0.7))
+    bench.aim(Stand(11.8, 2.0, 0.0))
+
+    assert bench.done("navigating").result == "arrived"
+    assert bench.world.events == []
+
+
+def test_what_has_bumped_into_something_backwards_draws_back_says_so_and_can_go_on() -> None:
+    """Behind, the laser sees a container's wheels only: one that stands aside is not seen to be in the way."""
+    start = Stand(8.2, 6.0, pi / 2)
+    bench = Bench(start, containers=(box(Stand(8.72, 4.2)),))
+    bench.aim(Stand(8.2, 4.4), Way.BACKWARD)
+    assert bench.done("navigating").result == "bumped"
+    ((_, told),) = bench.world.events
+    assert told == "the robot bumped into box"
+    assert bench.world.state().robot.at.y_m > 5.0
+    bench.aim(AREAS["area_2"].observation[1])
+
+    assert bench.done("navigating").result == "arrived"
 
 
 def test_the_maximum_speed_of_the_graph_is_kept() -> None:

@@ -6,6 +6,8 @@ from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
+import pytest
+
 from codra_dsl.experiments.store_run import Compiled, StoreRun, StoreRunSettings, run_store
 from codra_dsl.runtime.journal import Event, Kind
 from codra_dsl.worlds.store.curves import curves, draw_adaptation
@@ -15,13 +17,13 @@ from tests.cli.test_commands import ROOT, codra
 from tests.runtime.journals import read
 
 LASTS_S = {
-    Situation.SECOND_ORDER: 260.0,
-    Situation.PEOPLE_CLOSE: 40.0,
-    Situation.HIDDEN: 75.0,
-    Situation.ABSENT: 90.0,
+    Situation.ORDINARY: 240.0,
+    Situation.SECOND_ORDER: 400.0,
+    Situation.PEOPLE_CLOSE: 50.0,
+    Situation.HIDDEN: 100.0,
+    Situation.ABSENT: 100.0,
 }
-SEEDS = {Situation.ABSENT: 5}
-"""Of all others it is 3: there somebody blocks the way home."""
+"""Long enough for what each situation is about, with all seeds that are asked for."""
 
 TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching")
 
@@ -29,12 +31,10 @@ TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering
 class Told:
     """A run and its journal."""
 
-    def __init__(self, situation: Situation) -> None:
+    def __init__(self, situation: Situation, seed: int, lasts_s: float) -> None:
         self.journal = Path(mkdtemp(prefix="codra-")) / "run.mcap"
         settings = StoreRunSettings(
-            shop=StoreSettings(seed=SEEDS.get(situation, 3), situation=situation),
-            duration_s=LASTS_S[situation],
-            journal=self.journal,
+            shop=StoreSettings(seed=seed, situation=situation), duration_s=lasts_s, journal=self.journal
         )
         self.run: StoreRun = run_store(Compiled.of(store), settings)
         self.events: list[Event] = list(read(self.journal)[1])
@@ -64,18 +64,31 @@ class Told:
         )
 
 
+SEED = 3
+
+
 @cache
-def told(situation: Situation) -> Told:
-    return Told(situation)
+def told(situation: Situation, seed: int = SEED, lasts_s: float | None = None) -> Told:
+    return Told(situation, seed, LASTS_S[situation] if lasts_s is None else lasts_s)
 
 
-def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
+@pytest.mark.parametrize("seed", [1, 3])
+def test_an_ordinary_order_is_delivered_though_people_come_close_or_stand_where_the_robot_turns(seed: int) -> None:
+    """With seed 1 the pick-up is aborted once, and tried again; with seed 3 somebody is in the way of the turn."""
+    run = told(Situation.ORDINARY, seed)
+
+    assert run.written("order_1.state")[-1] == "done"
+    assert run.run.score.deliveries == ("delivery",)
+    assert ("fetching aborted" in run.tasks()) == (seed == 1)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead(seed: int) -> None:
     """P2's first situation: provided, ordered elsewhere while it is loaded, and full on the way there."""
-    run = told(Situation.SECOND_ORDER)
+    run = told(Situation.SECOND_ORDER, seed)
 
-    assert run.courses()[:5] == ["start", "pick", "start", "pick", "deliver"]
-    assert run.written("order_1.state") == ["open", "done"]
-    assert run.written("order_2.state") == ["open", "aborted"]
+    assert run.written("order_1.state")[-1] == "done"
+    assert run.written("order_2.state")[-1] == "aborted"
     assert run.run.score.deliveries == ("area_1", "delivery")
     ordered_s = run.instant_s("order_2", "node_inserted")
     full_s = run.instant_s("container_load", "identified", value="full")
@@ -83,9 +96,10 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
     assert ordered_s < fetched_s[1] < full_s < run.instant_s("course", "chosen", action="deliver") < full_s + 5.0
 
 
-def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted() -> None:
-    """P2's second situation: `start` weighs most."""
-    run = told(Situation.PEOPLE_CLOSE)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed: int) -> None:
+    """P2's second situation: `start` weighs most. The order stays open."""
+    run = told(Situation.PEOPLE_CLOSE, seed)
     values = curves(run.events, ["safety", *(f"weight_of_{each}" for each in ("pick", "deliver", "start", "dock"))])
     switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
     then = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
@@ -94,12 +108,23 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted() ->
     assert abs(then.pop("safety") - 0.5) < 0.01
     assert max(then, key=lambda name: then[name]) == "weight_of_start"
     assert "fetching aborted" in run.tasks()
-    assert run.written("order_1.state") == ["open", "aborted"]
+    assert run.written("order_1.state") == ["open"]
     assert "mission_aborted" in run.said("base_notice")
 
 
-def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second() -> None:
-    tasks = told(Situation.HIDDEN).tasks()
+def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
+    run = told(Situation.PEOPLE_CLOSE, 5, 400.0)
+    tasks = run.tasks()
+
+    assert run.written("order_1.state")[-1] == "done"
+    assert run.run.score.deliveries == ("delivery",)
+    assert tasks.count("fetching aborted") == tasks[: tasks.index("fetching fetched")].count("fetching aborted") > 0
+    assert run.courses()[:4] == ["start", "pick", "start", "pick"]
+
+
+@pytest.mark.parametrize("seed", [6, 8])
+def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
+    tasks = told(Situation.HIDDEN, seed).tasks()
 
     assert [each for each in tasks if each.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
@@ -107,8 +132,9 @@ def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_seco
     assert "fetching fetched" in tasks
 
 
-def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns() -> None:
-    run = told(Situation.ABSENT)
+@pytest.mark.parametrize("seed", [3, 4])
+def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(seed: int) -> None:
+    run = told(Situation.ABSENT, seed)
 
     assert [each for each in run.tasks() if each.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
@@ -119,10 +145,22 @@ def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns()
     assert run.courses()[-1] == "start"
 
 
-def test_the_same_seed_gives_the_same_journal_byte_for_byte() -> None:
-    again = Told(Situation.PEOPLE_CLOSE)
+@pytest.mark.parametrize("situation", LASTS_S)
+def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
+    seed = 6 if situation is Situation.HIDDEN else SEED
+    again = Told(situation, seed, LASTS_S[situation])
 
-    assert again.journal.read_bytes() == told(Situation.PEOPLE_CLOSE).journal.read_bytes()
+    assert again.journal.read_bytes() == told(situation, seed).journal.read_bytes()
+
+
+def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
+    journal = tmp_path / "run.mcap"
+    told_s = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
+    words = ("specs/store.yaml", "--world", "store", "--situation", "people-close", "--seed", "3", "--for", told_s)
+    ended = codra("run", *words, "--journal", str(journal), cwd=ROOT)
+
+    assert "orders              1 open" in ended.stdout
+    assert journal.read_bytes() == told(Situation.PEOPLE_CLOSE).journal.read_bytes()
 
 
 def test_why_tells_the_chain_from_the_person_to_the_branch_and_what_would_have_kept_it() -> None:

@@ -137,6 +137,17 @@ def test_a_container_that_is_marked_is_knowledge_of_the_robot(shop: OpenShop) ->
     assert (status, reading.value, reading.source) == (201, "full", "picker_page")
 
 
+def test_an_order_is_taken_back_once_and_only_if_there_is_one(shop: OpenShop) -> None:
+    assert shop.say("/orders", kind="provide", area="area_2")[0] == 201
+
+    assert shop.say("/cancel", order="order_1") == (201, {"written": "order_1.cancelled", "by": "picker_page"})
+    assert shop.store.knowledge.get("order_1", "cancelled").value is True
+    assert shop.say("/cancel", order="order_2") == (409, {"error": "there is no order 'order_2'", "by": "picker_page"})
+    assert shop.say("/cancel", order=7)[0] == 400
+    shop.store.knowledge.as_agent("mission").set("order_1", "state", "done")
+    assert shop.say("/cancel", order="order_1")[1]["error"] == "order_1 is done already"
+
+
 def test_who_may_write_is_told_to_the_person_who_may_not() -> None:
     model = store_knowledge()
     robot = next(each for each in model.node_types if each.name == "robot")

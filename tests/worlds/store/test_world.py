@@ -184,9 +184,9 @@ def test_what_is_carried_goes_along_and_stands_where_it_is_set_down() -> None:
 def test_a_stopped_robot_stands_within_a_second(when_s: float) -> None:
     clock, world, _ = opened()
     outcomes: list[Outcome] = []
-    world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
+    stop = world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
     clock.sleep(when_s)
-    world.body.stop()
+    stop()
     assert outcomes == [Outcome.STOPPED]
     clock.sleep(1.0)
 
@@ -194,6 +194,19 @@ def test_a_stopped_robot_stands_within_a_second(when_s: float) -> None:
     here = world.state().robot.at
     clock.sleep(5.0)
     assert world.state().robot.at == here
+
+
+def test_what_has_given_way_to_another_command_is_stopped_without_stopping_that() -> None:
+    """Who lifts hears of its abortion when somebody else drives already."""
+    clock, world, _ = opened()
+    outcomes: list[Outcome] = []
+    stop = world.body.lift(Lift.UP, outcomes.append)
+    clock.sleep(1.0)
+    world.body.drive([(8.2, 7.0)], Way.FORWARD, outcomes.append)
+    stop()
+    clock.sleep(20.0)
+
+    assert outcomes == [Outcome.STOPPED, Outcome.DONE]
 
 
 def test_the_robot_drives_no_faster_than_it_is_told() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.working import Executor
-from codra_dsl.worlds.store.body import Body, Lift, Outcome
+from codra_dsl.worlds.store.body import Body, Lift, Outcome, Stop
 from codra_dsl.worlds.store.geometry import Stand
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import FORK_M
@@ -22,15 +22,20 @@ class Fork:
         self._knowledge = knowledge
         self._handle = knowledge.as_agent("fork")
         self._body = body
+        self._halt: Stop | None = None
         self._handle.set("robot", "loaded", body.has_load())
-        self._lifting = Executor(knowledge, self._handle, "lifting", self._raise, body.stop)
-        self._lowering = Executor(knowledge, self._handle, "lowering", self._lower, body.stop)
+        self._lifting = Executor(knowledge, self._handle, "lifting", self._raise, self._stop)
+        self._lowering = Executor(knowledge, self._handle, "lowering", self._lower, self._stop)
 
     def _raise(self, _: Snapshot) -> None:
-        self._body.lift(Lift.UP, self._raised)
+        self._halt = self._body.lift(Lift.UP, self._raised)
 
     def _lower(self, _: Snapshot) -> None:
-        self._body.lift(Lift.DOWN, self._lowered)
+        self._halt = self._body.lift(Lift.DOWN, self._lowered)
+
+    def _stop(self) -> None:
+        if self._halt is not None:
+            self._halt()
 
     def _raised(self, outcome: Outcome) -> None:
         if outcome is not Outcome.DONE:

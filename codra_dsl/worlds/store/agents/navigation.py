@@ -6,15 +6,15 @@ what the lasers see; when it has bumped into something it draws back from it fir
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock, Timer
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
-from codra_dsl.worlds.store.agents.surroundings import obstacles, room_m
+from codra_dsl.worlds.store.agents.surroundings import away, obstacles, room_m
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
-from codra_dsl.worlds.store.body import Body, Outcome, Way
+from codra_dsl.worlds.store.body import Body, Outcome, Stop, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
 from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import CONTAINER_M
@@ -49,7 +49,9 @@ class Navigation:
         self._clock = clock
         self._goal = Stand(0.0, 0.0)
         self._tries, self._bumps = 0, 0
+        self._way: Way | None = None
         self._pause: Timer | None = None
+        self._halt: Stop | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit)
         self._rounds = Rounds(clock, PERIOD_S, self._tell)
@@ -78,7 +80,8 @@ class Navigation:
     def _stop(self) -> None:
         if self._pause is not None:
             self._pause.cancel()
-        self._body.stop()
+        if self._halt is not None:
+            self._halt()
 
     # Ways
 
@@ -91,20 +94,20 @@ class Navigation:
                 return
             self._go(())
             return
-        self._body.drive(points, Way.FORWARD, self._ending(self._face, self._go_round, self._go_round))
+        self._drive(points, Way.FORWARD, self._ending(self._face, self._go_round, self._go_round))
 
     def _face(self) -> None:
         angle_rad = wrapped(self._goal.heading_rad - self._body.believed().heading_rad)
         if abs(angle_rad) < FACING_RAD:
             self._arrived()
             return
-        self._body.turn(angle_rad, self._ending(self._arrived, self._go_round, self._go_round))
+        self._turn(angle_rad, self._ending(self._arrived, self._go_round, self._go_round))
 
     def _back(self) -> None:
         """Back up to the goal, straight: what has bumped into something there must be measured anew by who sent it."""
         again = partial(self._try_again, self._back, TRIES_BACKWARD)
         told = partial(self._task.finish, "bumped")
-        self._body.drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, told))
+        self._drive((self._goal.point_m,), Way.BACKWARD, self._ending(self._arrived, again, told))
 
     def _go_round(self) -> None:
         """Draw back, so that there is room to turn, and go another way."""
@@ -114,15 +117,30 @@ class Navigation:
         self._go(obstacles(self._body, self._container_points()))
 
     def _draw_back(self, go_on: Callable[[], None]) -> None:
-        """Drive a little to where there is more room, straight on or straight back, and go on from there."""
-        room = {way: room_m(self._body, way) for way in (Way.BACKWARD, Way.FORWARD)}
-        way = max(room, key=lambda each: min(room[each], DRAW_BACK_M))
-        length_m = min(DRAW_BACK_M, room[way])
+        """Drive a little away from what is near, straight on or straight back, and go on from there."""
+        self._draw(away(self._body, DRAW_BACK_M), go_on)
+
+    def _return(self, go_on: Callable[[], None]) -> None:
+        """Drive a little to where it has come from: what it has bumped into is where its lasers do not see it."""
+        back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
+        length_m = min(room_m(self._body, back), DRAW_BACK_M)
+        self._draw((back, length_m) if self._way and length_m > 0.0 else away(self._body, DRAW_BACK_M), go_on)
+
+    def _draw(self, step: tuple[Way, float], go_on: Callable[[], None]) -> None:
+        way, length_m = step
         if length_m <= 0.0:
             go_on()
             return
         there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
-        self._body.drive((there_m,), way, self._ending(go_on, go_on, go_on))
+        self._drive((there_m,), way, self._ending(go_on, go_on, go_on))
+
+    def _drive(self, points_m: Sequence[Point], way: Way, done: Callable[[Outcome], None]) -> None:
+        self._way = way
+        self._halt = self._body.drive(points_m, way, done)
+
+    def _turn(self, angle_rad: float, done: Callable[[Outcome], None]) -> None:
+        self._way = None
+        self._halt = self._body.turn(angle_rad, done)
 
     # Ends
 
@@ -158,12 +176,12 @@ class Navigation:
             self._task.finish("blocked")
 
     def _bumped(self, go_on: Callable[[], None]) -> None:
-        """Stand for a moment, draw back to where there is more room, and go on."""
+        """Stand for a moment, draw back, and go on."""
         self._bumps += 1
         if self._bumps > MOST_BUMPS:
             self._task.finish("bumped")
             return
-        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, partial(self._draw_back, go_on))
+        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, partial(self._return, go_on))
 
     # What is known
 

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import hypot
+from math import atan2, hypot, sin
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import Knowledge, Transaction
 from codra_dsl.worlds.store.agents.working import Rounds
-from codra_dsl.worlds.store.body import Body, Seen, Sighting
-from codra_dsl.worlds.store.geometry import Point
+from codra_dsl.worlds.store.body import (
+    CAMERA_AT,
+    CAMERA_FARTHEST_M,
+    CAMERA_VIEW_RAD,
+    Body,
+    Seen,
+    Sighting,
+)
+from codra_dsl.worlds.store.geometry import Point, Stand
 from codra_dsl.worlds.store.knowledge import FARTHEST_M
 
 PERIOD_S = 0.4
@@ -21,7 +28,13 @@ SAME_M = 1.0
 """Nobody gets farther than this from one picture to the next."""
 
 FORGET_S = 1.5
-"""Somebody who was not seen for so long is not there."""
+"""Somebody who was not seen for so long, where the camera looks, is not there."""
+
+EDGE_M = 0.6
+"""Who was last seen so near to the edge of what the camera sees may have left it."""
+
+REMEMBER_S = 5.0
+"""Somebody whom the camera may not see any more is taken to be there for so long."""
 
 
 class PersonDetection:
@@ -43,11 +56,12 @@ class PersonDetection:
             return
         people = [each for each in picture.sightings if each.kind is Seen.PERSON]
         with self._handle.transaction() as change:
-            gaps_m = [hypot(each.at.x_m, each.at.y_m) for each in people]
-            change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
             self._follow(change, people)
             self._forget(change)
             self._relate(change)
+            robot = self._body.believed()
+            gaps_m = [_distance_m(at_m, robot.point_m) for at_m, _ in self._seen.values()]
+            change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
 
     def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
         robot, now_s = self._body.believed(), self._clock.now_s()
@@ -64,10 +78,11 @@ class PersonDetection:
             change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
 
     def _forget(self, change: Transaction) -> None:
-        now_s = self._clock.now_s()
-        for name in [name for name, (_, seen_s) in self._seen.items() if now_s - seen_s >= FORGET_S]:
-            del self._seen[name]
-            change.delete_node(name)
+        now_s, robot = self._clock.now_s(), self._body.believed()
+        for name, (at_m, seen_s) in list(self._seen.items()):
+            if now_s - seen_s >= (FORGET_S if _is_looked_at(robot, at_m) else REMEMBER_S):
+                del self._seen[name]
+                change.delete_node(name)
 
     def _relate(self, change: Transaction) -> None:
         snapshot, robot = self._knowledge.snapshot(), self._body.believed()
@@ -84,6 +99,13 @@ class PersonDetection:
                     change.insert_edge(name, "near", other)
                 elif was_near and not is_near:
                     change.delete_edge(name, "near", other)
+
+
+def _is_looked_at(robot: Stand, at_m: Point) -> bool:
+    """Return whether somebody who is at a place, or has gone on from there a little, is in the camera's view."""
+    ahead_m, left_m = Stand(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)
+    range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
+    return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_M
 
 
 def _distance_m(a: Point, b: Point) -> float:

@@ -49,6 +49,19 @@ def obstacles(body: Body, containers_m: Sequence[Point]) -> tuple[Disc, ...]:
     return tuple(Disc(point, OBSTACLE_M) for point in found)
 
 
+def away(body: Body, longest_m: float) -> tuple[Way, float]:
+    """Return the way, straight on or straight back, that leads farther from what is near, and how far it is free."""
+    points = np.concatenate([body.scan(side).points_m() for side in Side])
+    found: dict[Way, tuple[float, float]] = {}
+    for way in (Way.BACKWARD, Way.FORWARD):
+        length_m = min(room_m(body, way), longest_m)
+        there_m = length_m if way is Way.FORWARD else -length_m
+        nearest_m = float(np.hypot(points[:, 0] - there_m, points[:, 1]).min(initial=inf))
+        found[way] = (nearest_m if length_m > 0.0 else 0.0, length_m)
+    way = max(found, key=lambda each: found[each])
+    return way, found[way][1]
+
+
 def room_m(body: Body, way: Way) -> float:
     """Return how far the robot may go straight on, or straight back, so that something is left free; 0 at least."""
     if way is Way.FORWARD:

@@ -7,7 +7,7 @@ from math import pi
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
 from codra_dsl.worlds.store.agents.working import Executor
-from codra_dsl.worlds.store.body import Body, Outcome
+from codra_dsl.worlds.store.body import Body, Outcome, Stop
 from codra_dsl.worlds.store.geometry import wrapped
 
 _RESULTS = {Outcome.DONE: "turned", Outcome.BLOCKED: "blocked", Outcome.BUMPED: "bumped"}
@@ -24,7 +24,8 @@ class Turning:
         """Wait until somebody wants it."""
         self._body = body
         self._goal_rad, self._tries = 0.0, 0
-        self._task = Executor(knowledge, knowledge.as_agent("turning"), "rotating", self._begin, body.stop)
+        self._halt: Stop | None = None
+        self._task = Executor(knowledge, knowledge.as_agent("turning"), "rotating", self._begin, self._stop)
 
     def _begin(self, _: Snapshot) -> None:
         self._goal_rad = self._body.believed().heading_rad + pi
@@ -33,7 +34,11 @@ class Turning:
 
     def _turn(self, angle_rad: float) -> None:
         self._tries += 1
-        self._body.turn(angle_rad, self._done)
+        self._halt = self._body.turn(angle_rad, self._done)
+
+    def _stop(self) -> None:
+        if self._halt is not None:
+            self._halt()
 
     def _done(self, outcome: Outcome) -> None:
         """Try again where somebody stood in the way: as far as is left, or back by the other side."""

@@ -20,13 +20,16 @@ from codra_dsl.worlds.store.page.desk import BusyError, Desk
 from codra_dsl.worlds.store.page.document import page_html, static_text
 from codra_dsl.worlds.store.page.feed import Feed
 from codra_dsl.worlds.store.page.guard import Guard
-from codra_dsl.worlds.store.page.requests import MOST_BYTES, BadRequestError, read_load, read_order
+from codra_dsl.worlds.store.page.requests import MOST_BYTES, BadRequestError, read_load, read_name, read_order
 from codra_dsl.worlds.store.page.streaming import MEDIA_TYPE, Streams, TooManyError
 from codra_dsl.worlds.store.store import PickerPage
 
 AGENT = "picker_page"
 MOST_WAITING_ORDERS = 20
 """More orders than these are not waiting for the robot at once."""
+
+ENDED = ("done", "aborted", "failed", "cancelled")
+"""The states of orders for which nothing will be done any more."""
 
 BODY_S = 5.0
 """Whoever takes longer to send a request is not waited for."""
@@ -37,6 +40,10 @@ DONE_S = 10.0
 
 class TooManyOrdersError(PermissionError):
     """The robot has enough to do."""
+
+
+class NoSuchOrderError(LookupError):
+    """There is no such order to take back."""
 
 
 class PageApp:
@@ -70,6 +77,7 @@ class PageApp:
                 Route("/view", self._view),
                 Route("/events", self._events),
                 Route("/orders", self._order, methods=["POST"]),
+                Route("/cancel", self._cancel, methods=["POST"]),
                 Route("/load", self._load, methods=["POST"]),
             ],
             lifespan=self._lifespan,
@@ -111,11 +119,25 @@ class PageApp:
 
         def write() -> str:
             snapshot = self._knowledge.snapshot()
-            ended = ("done", "aborted", "failed")
             states = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
-            if sum(not (state.known and state.value in ended) for state in states) >= MOST_WAITING_ORDERS:
+            if sum(not (state.known and state.value in ENDED) for state in states) >= MOST_WAITING_ORDERS:
                 raise TooManyOrdersError(f"{MOST_WAITING_ORDERS} orders are waiting already")
             return self._pickers.order(order.kind, order.area, order.to)
+
+        return await self._written(write)
+
+    async def _cancel(self, request: Request) -> Response:
+        name = read_name(await _body(request))
+
+        def write() -> str:
+            snapshot = self._knowledge.snapshot()
+            if name not in [node.name for node in snapshot.nodes("order")]:
+                raise NoSuchOrderError(f"there is no order {name!r}")
+            state = snapshot.get(name, "state")
+            if state.known and state.value in ENDED:
+                raise NoSuchOrderError(f"{name} is {state.value} already")
+            self._pickers.cancel(name)
+            return f"{name}.cancelled"
 
         return await self._written(write)
 

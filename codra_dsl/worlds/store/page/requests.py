@@ -47,6 +47,18 @@ def read_order(body: bytes) -> Order:
     return Order(kind=kind, area=area, to=to)
 
 
+def read_name(body: bytes) -> str:
+    """Return the name of the order that a body says.
+
+    Raises:
+        BadRequestError: if it says none.
+    """
+    said = _mapping(body, {"order"}).get("order")
+    if not isinstance(said, str):
+        raise BadRequestError("'order' is the name of an order")
+    return said
+
+
 def read_load(body: bytes) -> Load:
     """Return the load of the container that a body says.
 

@@ -123,13 +123,26 @@ function showMap(view) {
 
 const NEW = "new: not taken up yet";
 
+function orderState(order) {
+  const cell = made("td", order.state || NEW, order.state || "new");
+  if (order.state && order.state !== "open") return cell;
+  const button = made("button", "Take back", "take-back");
+  button.type = "button";
+  button.setAttribute("aria-label", `Take back ${spoken(order.name).toLowerCase()}`);
+  button.addEventListener("click", () =>
+    busy(button, () => ask("cancel", { order: order.name }, () => `${spoken(order.name)} is taken back.`)),
+  );
+  cell.append(" ", button);
+  return cell;
+}
+
 function showOrders(orders) {
   fill("orders", orders.toReversed?.() ?? [...orders].reverse(), (order) =>
     row(
       `${spoken(order.name)}: ${order.kind}`,
       spoken(order.of_area),
       spoken(order.to_area),
-      made("td", order.state || NEW, order.state || "new"),
+      orderState(order),
     ),
   );
 }

@@ -1,0 +1,98 @@
+"""Orders stay open until they are delivered, taken back or found absent: whole runs of specs/store.yaml."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+from codra_dsl.experiments.store_run import Compiled
+from codra_dsl.runtime import Record, SimClock
+from codra_dsl.runtime.knowledge import Stage
+from codra_dsl.worlds.store.layout import DELIVERY, START
+from codra_dsl.worlds.store.mission import Mission
+from codra_dsl.worlds.store.picking import Picking
+from codra_dsl.worlds.store.situations import OrderKind, Situation, StoreSettings
+from codra_dsl.worlds.store.store import Store
+from generated import store as spec
+
+
+class Shop:
+    """A quiet shop without shoppers, whose robot follows its loops."""
+
+    def __init__(self) -> None:
+        self.clock = SimClock()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        compiled = Compiled.of(spec)
+        assert compiled.loops is not None
+        codra = self._stack.enter_context(compiled.start(clock=self.clock, resources={}, seed=1, record=Record()))
+        self.store = Store(self.clock, StoreSettings(situation=Situation.QUIET, shoppers=0), codra.knowledge)
+        robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
+        self._stack.enter_context(compiled.loops(codra, clock=self.clock, robot=robot))
+        self.clock.sleep(1.0)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    def state(self, order: str) -> object:
+        state = self.store.knowledge.get(order, "state")
+        return state.value if state.known else "new"
+
+    def waits_for(self, task: str, stage: Stage, timeout_s: float = 120.0) -> bool:
+        handover = self.store.knowledge.snapshot
+        return self.clock.wait_until(lambda: handover().handover(task).stage is stage, timeout_s)
+
+    def waits_until_loaded(self, loaded: bool) -> bool:
+        return self.clock.wait_until(lambda: self.store.world.body.has_load() is loaded, 240.0)
+
+
+def test_an_order_that_is_taken_back_before_the_robot_is_there_is_closed_and_the_robot_returns() -> None:
+    with Shop() as shop:
+        order = shop.store.page.order(OrderKind.COLLECT, "area_1", DELIVERY.name)
+        assert shop.waits_for("navigating", Stage.IS)
+        shop.clock.sleep(5.0)
+        shop.store.page.cancel(order)
+        shop.clock.sleep(40.0)
+
+        assert shop.state(order) == "cancelled"
+        assert shop.store.world.state().robot.at.distance_m(START) < 0.3
+        assert shop.store.knowledge.snapshot().handover("fetching").number == 0
+        assert shop.store.judge.score.missions == 0
+
+
+def test_what_is_on_the_fork_when_its_order_is_taken_back_goes_to_the_general_delivery_pose() -> None:
+    with Shop() as shop:
+        order = shop.store.page.order(OrderKind.MOVE, "area_1", "area_2")
+        assert shop.waits_until_loaded(True)
+        shop.clock.sleep(5.0)
+        shop.store.page.cancel(order)
+        assert shop.waits_until_loaded(False)
+
+        assert shop.state(order) == "cancelled"
+        assert shop.store.judge.score.deliveries == (DELIVERY.name,)
+
+
+def test_an_order_that_waits_behind_another_can_be_taken_back() -> None:
+    with Shop() as shop:
+        first = shop.store.page.order(OrderKind.COLLECT, "area_1", DELIVERY.name)
+        second = shop.store.page.order(OrderKind.MOVE, "area_1", "area_2")
+        shop.clock.sleep(5.0)
+        shop.store.page.cancel(second)
+        shop.clock.sleep(1.0)
+
+        assert (shop.state(first), shop.state(second)) == ("open", "cancelled")
+
+
+def test_an_order_that_is_closed_is_not_taken_back_any_more() -> None:
+    with Shop() as shop:
+        order = shop.store.page.order(OrderKind.COLLECT, "area_3", DELIVERY.name)
+        assert shop.clock.wait_until(lambda: shop.state(order) == "failed", 120.0)
+        shop.store.page.cancel(order)
+        shop.clock.sleep(2.0)
+
+        assert shop.state(order) == "failed"
