@@ -60,8 +60,8 @@ def keeping(
         decision: for another one.
         more: inputs that hard rules read and no stage does.
     """
-    if not decision.before:
-        return ()
+    if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
+        return ()  # what was known would have kept it: what came before, smoothed or held, decided
     asked = {each.variable: each for each in (*more, *_inputs(model))}
     inputs = [found for each in asked.values() for found in _of_input(model, course, decision, each)]
     weights = [] if decision.rule is not None else list(_of_weights(course, decision))

@@ -11,7 +11,7 @@ import logging
 import math
 import threading
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Self
 
@@ -192,6 +192,7 @@ class Loop:
         self._changed_s = -math.inf
         self._changes: Counter[str] = Counter()
         self._unexplained: list[Decision] = []
+        self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
         self._idle = threading.Event()
@@ -325,8 +326,8 @@ class Loop:
         for tree in self.trees.values():
             if self._clock.now_s() >= tree.due_s:
                 self._attempt(tree.tick)
-        while self._unexplained:
-            self._attempt(partial(self._explain, self._unexplained.pop(0)))
+        if self._unexplained and not self._is_explaining:
+            self._attempt(self._explain_beside)
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
     def _analyse(self) -> None:
@@ -370,12 +371,24 @@ class Loop:
             written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
             self._pens.write(self._model.adapter, written, now_s)
 
+    def _explain_beside(self) -> None:
+        """Tell what would have kept courses, beside the rounds: it may take long, and nobody waits for it."""
+        left, self._unexplained = self._unexplained, []
+        self._clock.start(lambda _: self._explain_all(left), _ignore)
+
+    def _explain_all(self, left: Sequence[Decision]) -> None:
+        self._is_explaining = True
+        for decision in left:
+            self._attempt(partial(self._explain, decision))
+        self._is_explaining = False
+
     def _explain(self, decision: Decision) -> None:
-        """Tell what would have kept a course: after all that must not wait for it."""
+        """Tell what would have kept a course, unless the loop has been stopped meanwhile."""
         course = self.planning.courses[decision.course]
         found = self.planning.kept_by(decision)
         about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
-        self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
+        if self._is_on:
+            self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
 
     def _set(self, setting: Setting) -> None:
         model = setting.parameter

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 import pytest
 
+from codra_dsl.runtime import WallClock
 from codra_dsl.runtime.conditions import choose, known, value
 from codra_dsl.runtime.knowledge import Stage
+from codra_dsl.runtime.mape.courses import Decision
 from codra_dsl.runtime.mape.declarations import HardRuleModel, MapeModel, Repeat
+from codra_dsl.runtime.mape.keeping import Keeping
+from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.mape.planning import Planning
 from codra_dsl.runtime.trees import Entry, Leaf, Node, Result, Robot, Switch, Timeout
 from tests.runtime.mape.shop import BUMPED, CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
-from tests.runtime.mape.test_loop import CLOSE_M, stubborn
+from tests.runtime.mape.test_loop import CLOSE_M, robot_that, stubborn, wait
 
 
 def test_a_lead_from_before_a_stop_does_not_count_after_it() -> None:
@@ -109,3 +115,28 @@ def test_a_chain_has_what_a_parameter_reads_though_no_fuzzy_rule_does() -> None:
     shop.tell(bumped=True)
     shop.clock.sleep(0.1)
     assert "bumped was true, from evidence taken at 12 s" in str(shop.codra.why("max_speed")).lower()
+
+
+def test_an_explanation_that_takes_long_keeps_no_decision_waiting() -> None:
+    """In real time: somebody bumps into the robot while it is still being worked out what would have kept a course."""
+    is_asked, may_go_on = threading.Event(), threading.Event()
+
+    class Slow(Planning):
+        def kept_by(self, decision: Decision) -> tuple[Keeping, ...]:
+            is_asked.set()
+            may_go_on.wait(60.0)
+            return super().kept_by(decision)
+
+    with WallClock() as clock:
+        shop = Shop(clock=clock)
+        shop.mape.close()
+        shop.tell(person=6.0, battery=80.0, load="empty", bumped=False)
+        with Mape(shop.codra, MAPE, clock=clock, robot=robot_that(), planner=Slow) as mape:
+            assert wait(lambda: mape.standing("course").state.action == "deliver")
+            shop.tell(battery=3.0)
+            assert wait(lambda: mape.standing("course").state.action == "dock")
+            assert is_asked.wait(10.0)
+            shop.tell(bumped=True)
+            assert wait(lambda: mape.standing("course").state.action == "start")
+            may_go_on.set()
+        shop.codra.close()
