@@ -258,7 +258,7 @@ def stubborn(model: MapeModel) -> Shop:
     robot.can("deliver", lambda: Stubborn(lambda: made[0]))
     for name in ("start", "dock"):
         robot.can(name, lambda name=name: Task(f"to_{name}", made[0].mission, made[0].codra.knowledge))  # type: ignore[misc]
-    robot_model = replace(model, trees=(replace(MISSION, tasks=("to_deliver", "to_start", "to_dock")),))
+    robot_model = replace(model, trees=(replace(model.trees[0], tasks=("to_deliver", "to_start", "to_dock")),))
     shop = Shop.__new__(Shop)
     made.append(shop)
     shop.__init__(robot_model, robot=robot)  # type: ignore[misc]
