@@ -173,7 +173,6 @@ def running() -> Iterator[tuple[Store, SimClock, Mape]]:
         "CompleteOrder",
         "RedirectOrder",
         "CloseOrder",
-        "IsLoaded",
     ):
         robot.can(leaf, Busy)
     for leaf in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested"):

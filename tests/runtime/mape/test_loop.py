@@ -61,6 +61,9 @@ class Steadfast:
         self.courses = self.planning.courses
         self.decisions: dict[str, list[Decision]] = {name: [] for name in self.courses}
 
+    def resume(self) -> None:
+        self.planning.resume()
+
     def standing(self, course: str) -> Standing:
         return self.planning.standing(course)
 
