@@ -43,16 +43,17 @@ YES, NO = {"seen": True}, {"seen": False}
 
 
 def ticks(manager: ContextManager[str, str], name: str) -> list[float]:
-    """The instants at which an observer is ticked from now on."""
+    """The instants at which an observer is ticked from now on: its control flag is asked first, at each tick."""
     told: list[float] = []
     each = manager._forest.observers[name]
-    tick = each.tree.tick_once
+    flag = each.tree.children[0]
+    update = flag.update
 
-    def counted() -> None:
+    def counted() -> Status:
         told.append(each.now_s)
-        tick()
+        return update()
 
-    each.tree.tick_once = counted  # type: ignore[method-assign]
+    flag.update = counted  # type: ignore[method-assign]
     return told
 
 
@@ -231,7 +232,7 @@ def test_a_broken_tree_gives_its_slot_back() -> None:
         clock.sleep(1)
         manager._store.cells["x"].reading = manager._store.cells["x"].reading.at(0)
         broken = manager._forest.observers["broken"]
-        broken.tree.tick_once = lambda: 1 / 0  # type: ignore[method-assign,assign,return-value]
+        broken.tree.children[0].update = lambda: 1 / 0  # type: ignore[method-assign,assign,return-value]
         broken.touch()
         manager.declare("b")
         clock.sleep(1)
