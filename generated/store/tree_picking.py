@@ -107,23 +107,32 @@ def fetch_tree() -> Node:
             ),
         ),
         Node(
-            "RetryUntilSuccessful",
-            retry_until_successful("3"),
+            "TakeUp",
+            Subtree(remapped={"fork_towards": "fork_towards"}),
+            take_up_tree(),
+        ),
+    )
+
+
+def take_up_tree() -> Node:
+    """Return the tree TakeUp."""
+    return Node(
+        "RetryUntilSuccessful",
+        retry_until_successful("3"),
+        Node(
+            "take it up",
+            fallback(),
             Node(
-                "take it up",
-                fallback(),
-                Node(
-                    "get under it",
-                    sequence(),
-                    Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
-                    Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
-                    Node("RaiseFork", Leaf("RaiseFork")),
-                ),
-                Node(
-                    "ForceFailure",
-                    force_failure(),
-                    Node("out again, to measure anew", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
-                ),
+                "get under it",
+                sequence(),
+                Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
+                Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
+                Node("RaiseFork", Leaf("RaiseFork")),
+            ),
+            Node(
+                "ForceFailure",
+                force_failure(),
+                Node("out again, to measure anew", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
             ),
         ),
     )
@@ -132,6 +141,7 @@ def fetch_tree() -> Node:
 TREES: Mapping[str, Callable[[], Node]] = {
     "PickUpManagement": pick_up_management_tree,
     "Fetch": fetch_tree,
+    "TakeUp": take_up_tree,
 }
 
 MAIN: str | None = "PickUpManagement"

@@ -342,17 +342,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
     return "codra.Adaptation", _event(
         "What a loop has decided and done, with the chain of what led to it.",
         "The loop, course, parameter or tree.",
-        {
-            "started": "the loop runs",
-            "stopped": "it does not run any more",
-            "analysed": "some metrics or weights are otherwise than before",
-            "chosen": "the course is another action",
-            "explained": "what would have kept the course that was left",
-            "ended": "the branch that was left has ended",
-            "overdue": "it has not, in the time that it had",
-            "set": "the parameter has another value",
-            "failed": "an error; the loop goes on",
-        },
+        _ADAPTATIONS,
         loop=_field("string", "The loop that did it."),
         course=_field("string", "Of a branch, the course that it is a branch for."),
         agent=_field("string", "The agent that answers for it."),
@@ -408,6 +398,18 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
         ),
     )
 
+
+_ADAPTATIONS: Mapping[str, str] = {
+    "started": "the loop runs",
+    "stopped": "it does not run any more",
+    "analysed": "some metrics or weights are otherwise than before",
+    "chosen": "the course is another action",
+    "explained": "what would have kept the course that was left",
+    "ended": "the branch that was left has ended",
+    "overdue": "it has not, in the time that it had",
+    "set": "the parameter has another value",
+    "failed": "an error; the loop goes on",
+}
 
 _BOUNDS: Mapping[str, Field] = {
     "low": {"type": "number", "description": "The least that it can be; left out when unknown."},
