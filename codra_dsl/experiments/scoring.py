@@ -94,7 +94,8 @@ def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece,
     for piece in left:
         while position < len(right) and right[position].end_s <= piece.start_s:
             position += 1
-        for other in right[position:]:
+        for index in range(position, len(right)):  # a slice would copy all that is still to come
+            other = right[index]
             if other.start_s >= piece.end_s:
                 break
             found.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import multiprocessing
 import os
@@ -11,7 +10,7 @@ import tempfile
 import threading
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from multiprocessing import connection, resource_tracker
@@ -40,9 +39,12 @@ _TOLD_ENOUGH = (
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-_KEPT_BYTES = {_TRIM_THRESHOLD: 512 << 20, _MMAP_THRESHOLD: 32 << 20}
-"""By parameter of GNU's `mallopt` (malloc.h): how much may be free, and from which size on a piece is not kept."""
+_TUNABLES = "GLIBC_TUNABLES"
+_KEPT = ":".join(
+    f"glibc.malloc.{name}={setting}"
+    for name, setting in (("trim_threshold", 512 << 20), ("mmap_threshold", 32 << 20), ("tcache_count", 5000))
+)
+"""How much memory may be free, from which size on a piece is not kept, and how many small pieces are at hand."""
 
 
 class TrialError(Exception):
@@ -155,9 +157,28 @@ def _started(record: TrialRecord, staging: Path) -> _Worker:
     staging.mkdir()
     ours, theirs = _SPAWN.Pipe(duplex=False)
     process = _SPAWN.Process(target=_work, args=(record, staging, theirs))
-    process.start()
+    with _memory_kept():
+        process.start()
     theirs.close()
     return _Worker(record, process, ours)
+
+
+@contextmanager
+def _memory_kept() -> Iterator[None]:
+    """Let a process that begins now keep the memory that it frees.
+
+    Perception makes and frees pictures of a megabyte all the time. GNU's C library gives each back to the system, which
+    clears every page when it is asked for the next: that takes as long as the work on the picture.
+    """
+    before = os.environ.get(_TUNABLES)
+    os.environ[_TUNABLES] = _KEPT if before is None else f"{_KEPT}:{before}"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[_TUNABLES]
+        else:
+            os.environ[_TUNABLES] = before
 
 
 def _error_of(record: TrialRecord, failure: _Failure) -> Exception:
@@ -183,22 +204,9 @@ def _work(record: TrialRecord, staging: Path, told: connection.Connection) -> No
     """Run a trial and say what became of it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("LP_NUM_THREADS", "1")  # more threads of the renderer only take the cores from each other
-    _keep_memory()
     tempfile.tempdir = str(staging)
     told.send(_made(record, staging))
     told.close()
-
-
-def _keep_memory() -> None:
-    """Let this process keep the memory that it frees.
-
-    Perception makes and frees pictures of a megabyte all the time. GNU's C library gives each back to the system, which
-    clears every page when it is asked for the next: that takes as long as the work on the picture.
-    """
-    with suppress(AttributeError):  # another C library
-        tell = ctypes.CDLL(None).mallopt
-        for parameter, limit in _KEPT_BYTES.items():
-            tell(parameter, limit)
 
 
 def _made(record: TrialRecord, staging: Path) -> _Told:

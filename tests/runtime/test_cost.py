@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 from collections.abc import Callable, Iterator
 
@@ -12,11 +13,13 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.forest import Forest
 from codra_dsl.runtime.model import ContextModel
 from codra_dsl.runtime.observer import Observer
-from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, variable
+from codra_dsl.runtime.perception.attempt import Attempt
+from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, takes, variable
 
 CHAINS, LINKS = 1_000, 10
 OBSERVERS = CHAINS * LINKS
 LAST = LINKS - 1
+YES = {"seen": True}
 
 
 def chains(number: int) -> ContextModel:
@@ -129,3 +132,29 @@ def test_while_nothing_is_due_and_nothing_changes_nothing_is_done(large: Manager
     clock.sleep(0.1)
 
     assert calls(lambda: clock.sleep(0.2)) < 10
+
+
+def test_jobs_that_have_ended_leave_nothing_for_the_cyclic_collector() -> None:
+    """Each way in which a job can end: accepted, rejected, failed, timed out."""
+    ways = {
+        "accepted": takes(0.1, YES),
+        "rejected": takes(0.1, {}),
+        "failed": takes(0.1, None),
+        "late": takes(9.0, YES),
+    }
+    model = forest([variable(name) for name in ways], *(observer(f"o_{n}", seen(n, n, timeout_s=1.0)) for n in ways))
+    clock = SimClock()
+    with started(model, World(ways), clock) as manager:
+        for name in ways:
+            manager.declare(name)
+        clock.sleep(1.0)
+        gc.collect()
+        gc.disable()
+        try:
+            clock.sleep(200.0)
+            jobs = manager.spent()["o_accepted"].jobs
+            kept = sum(isinstance(each, Attempt) for each in gc.get_objects())
+        finally:
+            gc.enable()
+    assert jobs > 100
+    assert kept <= 4 * len(ways), "some are at work, some were stuck"

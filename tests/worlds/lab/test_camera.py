@@ -8,6 +8,7 @@ from math import hypot, pi
 from random import Random
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 
@@ -17,7 +18,8 @@ from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource, GreyFrameSource,
 from codra_dsl.worlds.lab.frame import Frame
 from codra_dsl.worlds.lab.gaze import grip_gaze, observation_gaze
 from codra_dsl.worlds.lab.laboratory import NOISE_GREYS
-from codra_dsl.worlds.lab.layout import MACHINES, Part
+from codra_dsl.worlds.lab.layout import INTRINSICS, MACHINES, Part
+from codra_dsl.worlds.lab.scene import CAMERA_NAME, Stage
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.tags import detect
 from codra_dsl.worlds.lab.world import JointKey, LabWorld, Quantity
@@ -165,6 +167,34 @@ def test_so_slow_a_move_that_no_pixel_notices_blurs_nothing(world: LabWorld) -> 
     world.schedule(2.0, [world.moves_to(2.0, Quantity.BASE, (x_m, y_m + 0.05, heading_rad), 60.0)])
 
     assert len(exposure(world, 32.0)) == 1
+
+
+def test_nothing_that_a_line_of_sight_through_the_picture_meets_is_left_out_of_the_drawing(world: LabWorld) -> None:
+    stage, random = Stage(), Random(SEED)
+    view = camera._View(stage, stage.model.camera(CAMERA_NAME).id)
+    spots_px = np.stack(np.meshgrid(np.linspace(0, 639, 65), np.linspace(0, 479, 49)), axis=-1).reshape(-1, 2)
+    sight = np.column_stack((spots_px, np.ones(len(spots_px)))) @ np.linalg.inv(INTRINSICS.matrix()).T
+    drawn_shares = []
+
+    for at_s in range(60):
+        put(
+            world, Quantity.BASE, random.uniform(0.8, 5.8), random.uniform(0.8, 5.2), random.uniform(-pi, pi), at_s=at_s
+        )
+        put(world, Quantity.GAZE, *(random.uniform(0.3, 1.5) for _ in range(6)), at_s=at_s)
+        state = world.state(at_s + 0.5)
+        stage.place(state)
+        view.leave_out()
+        eye = state.map_from_camera()
+        met = np.empty(len(sight), dtype=np.int32)
+        rays, far = sight @ eye.rotation.T, np.empty(len(sight))
+        mujoco.mj_multiRay(
+            stage.model, stage.data, eye.translation_m, rays.ravel(), None, True, -1, met, far, None, len(sight), 1e6
+        )
+        is_drawn = stage.model.geom_group != camera._NOT_DRAWN
+        assert is_drawn[met[met >= 0]].all()
+        drawn_shares.append(is_drawn.mean())
+
+    assert np.mean(drawn_shares) < 0.6, "most of the room lies beside the picture"
 
 
 def test_in_the_dark_nothing_is_detected(world: LabWorld, source: FrameSource) -> None:

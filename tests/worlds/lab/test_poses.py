@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codra_dsl.worlds.lab.poses import looking_at, rotation_about
+from codra_dsl.worlds.lab.poses import Pose, columns, cross, length, looking_at, planar, rotation_about
 
 PLACES_M = st.tuples(*[st.floats(-10.0, 10.0)] * 3).map(np.array)
 
@@ -33,3 +33,18 @@ def test_turns_about_one_axis_add_up(axis: tuple[float, float, float], first_rad
 
     assert np.allclose(both, rotation_about(axis, first_rad + second_rad))
     assert np.allclose(both @ np.array(axis), axis)
+
+
+@given(st.floats(-10.0, 10.0))
+def test_a_pose_in_the_plane_turns_by_the_very_numbers_of_a_turn_about_the_vertical(heading_rad: float) -> None:
+    turned = rotation_about((0.0, 0.0, 1.0), heading_rad)
+
+    assert Pose.planar(1.0, 2.0, heading_rad).rotation.tobytes() == turned.tobytes()
+    assert planar(1.0, 2.0, heading_rad).rotation.tobytes() == turned.tobytes()
+
+
+@given(PLACES_M, PLACES_M)
+def test_short_ways_to_work_with_vectors_give_numpys_very_numbers(left: np.ndarray, right: np.ndarray) -> None:
+    assert cross(left, right).tobytes() == np.cross(left, right).tobytes()
+    assert columns(left, right, left).tobytes() == np.column_stack((left, right, left)).tobytes()
+    assert length(left) == float(np.linalg.norm(left))

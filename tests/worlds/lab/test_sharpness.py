@@ -12,7 +12,7 @@ import pytest
 from codra_dsl.worlds.lab.camera import FrameSource, GreyFrameSource
 from codra_dsl.worlds.lab.layout import MACHINES, Part
 from codra_dsl.worlds.lab.poses import Array
-from codra_dsl.worlds.lab.sharpness import sharpness
+from codra_dsl.worlds.lab.sharpness import _percentile, sharpness
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.tags import detect
 from codra_dsl.worlds.lab.world import LabWorld, Quantity
@@ -153,6 +153,14 @@ def test_still_frames_in_daylight_are_sharp_enough_with_and_without_a_machine_in
             qualities.append(sharpness(source.frame_at(start_s + 1.0)))
 
     assert np.mean(np.array(qualities) >= ENOUGH) >= 0.95
+
+
+def test_a_percentile_is_numpys_very_number() -> None:
+    random = np.random.default_rng(4)
+    for count in (1, 2, 3, 40, 41, 1000):
+        values = random.normal(100.0, 30.0, count).astype(np.float32)
+        for percent in (0, 10, 25, 50, 95, 100):
+            assert _percentile(values, percent) == float(np.percentile(values, percent))
 
 
 def test_a_covered_lens_shows_nothing() -> None:
