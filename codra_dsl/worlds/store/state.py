@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from codra_dsl.worlds.store.body import (
+    BODY_BACK_M,
+    BODY_FRONT_M,
+    BODY_WIDTH_M,
+    FORK_TIP_M,
+    FORK_WIDTH_M,
+    REACH_M,
+)
 from codra_dsl.worlds.store.geometry import Box, Disc, Point, Scene, Stand
 from codra_dsl.worlds.store.layout import CONTAINER_M, FIXED, WHEEL_OFFSET_M, WHEEL_RADIUS_M
-
-BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
-BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
-REACH_M = 0.83
-"""How far the robot's farthest corner is from its axle, about which it turns."""
 
 
 class Load(StrEnum):
