@@ -26,6 +26,7 @@ from codra_dsl.compiler import plan_paths
 from codra_dsl.fuzzy import write_fll
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.trees import Result, Robot
+from codra_dsl.trees import NodeKind
 from generated import store
 
 PERIOD_S = 0.1
@@ -57,8 +58,10 @@ def rows(scratch: Path) -> Iterator[Row]:
     names = [*CALM, "battery_drain"]
     still = [0.0, 0.0, 1.0, 1.0, 0.0, 80.0, 0.0, 0.0]  # as numbers: false, true and the first member are 0, 1 and 0
     contexts = [[still[0], distance_m, *still[2:]] for distance_m in DISTANCES_M]
-    clock = SimClock()
-    with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=_robot()):
+    (plan,) = plan_paths([ROOT / "specs" / "store.yaml"], ROOT).plans
+    mape, clock = plan.checked.mape, SimClock()
+    assert mape is not None
+    with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=_robot(mape)):
         agents = {agent: codra.agent(agent) for agent in {agent for agent, _ in CALM.values()}}
 
         def refresh() -> None:
@@ -72,7 +75,7 @@ def rows(scratch: Path) -> Iterator[Row]:
         for _ in range(round(WARM_UP_S)):
             refresh()
             clock.sleep(1.0)
-        with FuzzyLite(_engines(scratch), names, contexts) as peer:
+        with FuzzyLite(_engines(scratch, mape), names, contexts) as peer:
             yield _row(peer, refresh, approach, lambda: _weights(codra))
 
 
@@ -102,11 +105,8 @@ def _row(
     return Row(name="adaptation_round", ours=statistics.median(ours_s), peer=statistics.median(theirs_s), target=1.0)
 
 
-def _engines(scratch: Path) -> tuple[Path, Path]:
+def _engines(scratch: Path, mape: CheckedMape) -> tuple[Path, Path]:
     """Write the rules of the spec in FLL."""
-    (plan,) = plan_paths([ROOT / "specs" / "store.yaml"], ROOT).plans
-    mape = plan.checked.mape
-    assert isinstance(mape, CheckedMape)
     assert mape.metrics is not None
     assert mape.actions is not None
     files = (scratch / "metrics.fll", scratch / "actions.fll")
@@ -119,22 +119,10 @@ def _weights(codra: store.Store) -> list[float]:
     return [codra.get(f"weight_of_{action}").value for action in ("pick", "deliver", "start", "dock")]
 
 
-def _robot() -> Robot:
-    """Return a robot whose actions go on, and that nobody asks for a container."""
+def _robot(mape: CheckedMape) -> Robot:
+    """Return a robot whose actions go on, and of which no condition holds."""
     robot = Robot()
-    for name in (
-        "TakeOrder",
-        "SetOrderAside",
-        "ResumeOrders",
-        "CompleteOrder",
-        "RedirectOrder",
-        "CloseOrder",
-        "IsLoaded",
-    ):
-        robot.does(name, lambda _: Result.RUNNING)
-    for name in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform"):
-        robot.does(name, lambda _: Result.RUNNING)
-    for name in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
-        robot.does(name, lambda _: Result.RUNNING)
-    robot.does("IsRequested", lambda _: False)
+    for model in {model.id: model for tree in mape.trees for model in tree.forest.forest.models}.values():
+        goes_on = model.kind is NodeKind.ACTION
+        robot.does(model.id, lambda _, goes_on=goes_on: Result.RUNNING if goes_on else False)
     return robot

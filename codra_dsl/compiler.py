@@ -126,11 +126,13 @@ def _planned(
     specs: list[Spec] = []
     plans: list[BuildPlan] = []
     read_too: set[str] = set()
+    trees_read: set[str] = set()
     for spec, read in loaded:
         with timings.stage("check"):
             trees = read_trees(spec, root) if spec is not None else {}
             checked, judged = check(spec, trees) if spec is not None else (None, ())
-        read_too |= {*spec.modules, *files_read(spec, trees)} if spec is not None else set()
+        trees_read |= set(files_read(spec, trees)) if spec is not None else set()
+        read_too |= {*spec.modules} if spec is not None else set()
         diagnostics += (*read, *judged)
         specs += [spec] if spec is not None else []
         with timings.stage("plan"):
@@ -138,7 +140,7 @@ def _planned(
     diagnostics += _same_names(specs)
     files = tuple(sorted({*names, *(file for spec in specs for file in spec.files)}))
     diagnostics += () if has_errors(diagnostics) else found.unincluded(files, root)
-    commented = (*files, *(place.span.file for place in found.parts.values()))
+    commented = (*files, *(place.span.file for place in found.parts.values()), *trees_read)
     with timings.stage("triage"):
         wanted = triaged(diagnostics, settings, read_sources(commented, asked, root, texts))
     return Planned(
@@ -148,7 +150,7 @@ def _planned(
         settings=settings,
         files=files,
         specs=tuple(names),
-        modules=tuple(sorted(read_too)),
+        modules=tuple(sorted(read_too | trees_read)),
     )
 
 

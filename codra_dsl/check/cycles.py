@@ -16,7 +16,7 @@ from codra_dsl.check.possible import can_hold, known
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related
-from codra_dsl.expression import And, Name, Node, names_in
+from codra_dsl.expression import And, Name, Node, names_in, spelt_out
 from codra_dsl.model import Algorithm, Condition
 
 MAX_COMBINED = 8
@@ -112,7 +112,7 @@ def _sound_conditions(scope: Scope, algorithm: Algorithm) -> Iterator[tuple[Cond
     for condition in algorithm.observable_when:
         judgement = scope.judgement(condition)
         if judgement is not None and not judgement.problems:
-            yield condition, judgement.typed.node
+            yield condition, spelt_out(judgement.typed.node)
 
 
 class _Search:

@@ -16,7 +16,7 @@ from codra_dsl.check.meant import Meant
 from codra_dsl.check.types import Type, Types, declared_type
 from codra_dsl.check.words import NOUNS
 from codra_dsl.diagnostics import suggest
-from codra_dsl.expression import Name, Text, walk
+from codra_dsl.expression import Name, Text, names_in, walk
 from codra_dsl.load.misspelt import Vocabulary
 from codra_dsl.load.names import is_identifier
 from codra_dsl.model import (
@@ -271,14 +271,20 @@ class Scope:
 
     @cached_property
     def context_types(self) -> Types:
-        """The type of each context-variable; None where its declaration is wrong."""
+        """The type of each context-variable, and of what conditions ask of poses; None where it is declared wrong."""
+        posed = (each.posed.tree for each in self.spec.context if each.posed is not None)
+        asked = {name.name: self.world.read_type(name.name) for tree in posed for name in names_in(tree)}
         unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
-        return unread | {
-            name: declared_type(variable.type, variable.valid_for_s)
-            if self.readable("context", name, *TYPE_KEYS)
-            else None
-            for name, variable in self.variables.items()
-        }
+        return (
+            unread
+            | asked
+            | {
+                name: declared_type(variable.type, variable.valid_for_s)
+                if self.readable("context", name, *TYPE_KEYS)
+                else None
+                for name, variable in self.variables.items()
+            }
+        )
 
     @cached_property
     def returned_types(self) -> Mapping[str, Types]:

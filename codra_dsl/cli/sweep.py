@@ -18,8 +18,8 @@ from codra_dsl.cli.options import ColourOption, Output
 if TYPE_CHECKING:
     from codra_dsl.experiments.sweep_pictures import Axis
     from codra_dsl.experiments.sweeping import Subject
-    from codra_dsl.logic import Value
     from codra_dsl.model import Variable
+    from codra_dsl.runtime.conditions import Value
 
 
 class SweepFormat(StrEnum):

@@ -14,7 +14,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from codra_dsl.logic import Value
+from codra_dsl.runtime.conditions import Value
 from codra_dsl.runtime.mape.declarations import InputModel
 from codra_dsl.runtime.mape.sweep import Row, Sweep
 

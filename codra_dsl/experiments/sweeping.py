@@ -17,8 +17,8 @@ from codra_dsl.check.mape.checked import CheckedMape, CheckedStage
 from codra_dsl.diagnostics import suggest
 from codra_dsl.emit import emit
 from codra_dsl.experiments.loading import load_emitted
-from codra_dsl.logic import Value
 from codra_dsl.model import Kind, Variable
+from codra_dsl.runtime.conditions import Value
 from codra_dsl.runtime.mape.declarations import CourseModel, InputModel, MapeModel
 from codra_dsl.runtime.mape.places import placed
 from codra_dsl.runtime.mape.sweep import Sweep

@@ -5,7 +5,7 @@ What a condition or a pattern means is judged by `check`.
 
 from codra_dsl.expression.parser import MAX_DEPTH, parse
 from codra_dsl.expression.patterns import EdgeTerm, NodeTerm, Path, parse_pattern
-from codra_dsl.expression.poses import GEOMETRY, parse_over_context, reads_of
+from codra_dsl.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
 from codra_dsl.expression.printer import to_text
 from codra_dsl.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
 from codra_dsl.expression.tree import (
@@ -61,6 +61,7 @@ __all__ = [
     "parse_pattern",
     "parts",
     "reads_of",
+    "spelt_out",
     "to_text",
     "walk",
 ]

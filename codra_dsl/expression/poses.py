@@ -7,14 +7,16 @@ name, `distance(a, b) < 0.9 m`: poses change all the time, and what it comes to 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from codra_dsl.expression.parser import parse
 from codra_dsl.expression.printer import to_text
 from codra_dsl.expression.tokens import SlipError, SyntaxProblem, shown
 from codra_dsl.expression.tree import Call, Compare, In, Name, Node, names_in, walk
+
+NodeT = TypeVar("NodeT", bound=Node)
 
 GEOMETRY = ("distance", "in_view")
 """The functions of two nodes that conditions over context and of patterns know besides those of all conditions."""
@@ -48,6 +50,15 @@ def parse_over_context(text: str) -> Node | SyntaxProblem:
         return tree if isinstance(tree, SyntaxProblem) else _posed(tree)
     except SlipError as slip:
         return slip.problem
+
+
+def spelt_out(tree: Node) -> Node:
+    """Return a condition over context with what its names ask of poses in their places."""
+    if isinstance(tree, Name):
+        return tree if tree.asks is None else tree.asks
+    if not any(name.asks is not None for name in names_in(tree)):
+        return tree
+    return _each_part(tree, spelt_out)
 
 
 def reads_of(name: str) -> tuple[str, str, str]:
@@ -103,28 +114,24 @@ def _written(text: str, read: re.Pattern[str], start: int) -> str:
     return "" if match is None else match[0]
 
 
-def _named(value: Any, names: Mapping[int, str]) -> Any:
+def _named(value: Node, names: Mapping[int, str]) -> Node:
     """Return a part of a tree in which names that were masked are as they were written."""
-    if isinstance(value, tuple):
-        return tuple(_named(each, names) for each in value)
     if isinstance(value, Name):
         return replace(value, name=names.get(value.start, value.name))
-    return _with_parts(value, lambda part: _named(part, names)) if isinstance(value, Node) else value
+    return _each_part(value, lambda part: _named(part, names))
 
 
-def _posed(value: Any) -> Any:
+def _posed(value: Node) -> Node:
     """Return a part of a tree in which each comparison with poses is one name.
 
     Raises:
         SlipError: if poses are asked for what cannot be kept as true, false or unknown.
     """
-    if isinstance(value, tuple):
-        return tuple(_posed(each) for each in value)
     if isinstance(value, Compare | In | Call | Name):
         asked = [name for name in names_in(value) if reads_of(name.name)[0]]
         if asked:
             return _one_name(value, asked)
-    return _with_parts(value, _posed) if isinstance(value, Node) else value
+    return _each_part(value, _posed)
 
 
 def _one_name(part: Compare | In | Call | Name, asked: list[Name]) -> Name:
@@ -145,6 +152,13 @@ def _one_name(part: Compare | In | Call | Name, asked: list[Name]) -> Name:
     return Name(start=part.start, end=part.end, name=to_text(part), asks=part)
 
 
-def _with_parts(node: Node, made: Any) -> Any:
-    parts = (each for each in fields(node) if each.name not in ("start", "end"))
-    return replace(node, **{each.name: made(getattr(node, each.name)) for each in parts})
+def _each_part(node: NodeT, made: Callable[[Node], Node]) -> NodeT:
+    """Return a node with something made of each of its parts, those in tuples too."""
+
+    def of(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(of, value))
+        return made(value) if isinstance(value, Node) else value
+
+    own = (each for each in fields(node) if each.name not in ("start", "end"))
+    return replace(node, **{each.name: of(getattr(node, each.name)) for each in own})

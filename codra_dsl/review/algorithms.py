@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -11,8 +12,19 @@ from codra_dsl.check import Types
 from codra_dsl.check.checked import CheckedAlgorithm
 from codra_dsl.check.possible import known
 from codra_dsl.diagnostics import Place
-from codra_dsl.expression import Node
-from codra_dsl.model import Access, Algorithm, Condition, Hysteresis, Identification, Kind, Literal, Members, ValueType
+from codra_dsl.expression import Node, names_in, reads_of, spelt_out
+from codra_dsl.model import (
+    Access,
+    Algorithm,
+    Condition,
+    Hysteresis,
+    Identification,
+    Kind,
+    Literal,
+    Members,
+    ValueType,
+    Variable,
+)
 from codra_dsl.review.changes import Category, Change
 from codra_dsl.review.guards import Relation, either, equal, relation, same_choice, same_value
 from codra_dsl.review.variables import described, lost_and_gained, same_measure
@@ -151,7 +163,7 @@ class _Comparison:
 
     def observability(self) -> Iterator[Change]:
         """Yield what became of `observable_when` and `given` together."""
-        before, after = ({name: each.type for name, each in side.variables.items()} for side in self._sides)
+        before, after = (dict(_seen(side.variables.values())) for side in self._sides)
         guards = [[*_items(each.observable_when), *_given(each)] for each in (self._old, self._new)]
         yield from self._guard("observable_when", guards, either(before, after))
 
@@ -280,7 +292,18 @@ def _given(algorithm: Algorithm) -> list[_Item]:
 
 def _tree(condition: Condition) -> Node:
     assert condition.tree is not None  # of a checked spec
-    return condition.tree
+    return spelt_out(condition.tree)
+
+
+def _seen(variables: Iterable[Variable]) -> Iterator[tuple[str, ValueType]]:
+    """Yield the type of each variable, and of what is asked of poses for those that follow from them."""
+    for variable in variables:
+        yield variable.name, variable.type
+        for name in () if variable.posed is None else names_in(variable.posed.tree):
+            yield name.name, _LENGTH if reads_of(name.name)[0] == "distance" else ValueType(kind=Kind.BOOL)
+
+
+_LENGTH = ValueType(kind=Kind.FLOAT, unit="m", range=(0.0, math.inf))
 
 
 def _strange(guard: Sequence[_Item], other: Sequence[_Item], types: Types) -> list[_Item]:

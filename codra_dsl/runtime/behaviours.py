@@ -2,44 +2,22 @@
 
 A tree is a `Sequence(memory=False)`: control flag, preconditions, due or running, perception, refinements, identify.
 Nodes hold no state of their own: each asks and tells the branch of its algorithm.
-
-Their `tick` and `stop` do what py_trees' do, step by step, but write no texts for a debugger that does not listen:
-these texts are most of what a tick takes.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime.observer import Branch, Observer
-
-
-def _tick(node: Behaviour) -> Iterator[Behaviour]:
-    """Tick a leaf."""
-    if node.status is not Status.RUNNING:
-        node.initialise()
-    status = node.update()
-    if status is not Status.RUNNING:
-        node.stop(status)
-    node.status = status
-    yield node
-
-
-def _stop(node: Behaviour, new_status: Status) -> None:
-    """Bring a leaf's round to its end."""
-    node.terminate(new_status)
-    node.status = new_status
-    node.iterator = node.tick()
+from codra_dsl.runtime.ticking import leaf_stop, leaf_tick
 
 
 class ControlFlag(Behaviour):
     """Whether the context manager wants the observer to run: checked first at each tick (P1, section 3.3)."""
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, observer: Observer) -> None:
         super().__init__("control flag")
@@ -56,7 +34,7 @@ class Precondition(Behaviour):
     Evidence that is complete is judged by the interval in which it was taken: then what fails now stops nothing.
     """
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, name: str, term: Term, *branches: Branch) -> None:
         super().__init__(name)
@@ -76,7 +54,7 @@ class Precondition(Behaviour):
 class DueOrRunning(Behaviour):
     """Whether it is time to look again, so that perception does not repeat at each tick."""
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, branch: Branch) -> None:
         super().__init__("due or running")
@@ -96,7 +74,7 @@ class DueOrRunning(Behaviour):
 class Perceive(Behaviour):
     """The perception algorithm as an asynchronous action: running until its job is done (P1, section 3.3)."""
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, branch: Branch) -> None:
         super().__init__(branch.algorithm.name)
@@ -125,7 +103,7 @@ class Perceive(Behaviour):
 class Accept(Behaviour):
     """A refinement of the result, e.g. a least number of markers (P1, Figure 4C)."""
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, name: str, term: Term, branch: Branch) -> None:
         super().__init__(name)
@@ -144,7 +122,7 @@ class Accept(Behaviour):
 class Identify(Behaviour):
     """Gives one context-variable its value from the result (P1, Equation 6)."""
 
-    tick, stop = _tick, _stop
+    tick, stop = leaf_tick, leaf_stop
 
     def __init__(self, variable: str, term: Term, branch: Branch) -> None:
         super().__init__(f"identify {variable}")

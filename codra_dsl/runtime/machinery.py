@@ -103,8 +103,10 @@ class Machinery:
 
     def obstacle(self, name: str) -> str:
         """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look."""
-        obstacle = self.forest.obstacle(name)
-        return f"for {' or '.join(self.store.variables[name].sources)} to write" if obstacle is None else obstacle
+        obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
+        if variable.posed is not None:
+            return "it follows from poses"
+        return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
 
     def explained(self, reading: Reading[Value]) -> Reading[Any]:
         """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""

@@ -11,12 +11,13 @@ from py_trees.behaviour import Behaviour
 
 from codra_dsl.logic import Term, Value, reads_ages
 from codra_dsl.runtime.branch import Branch
-from codra_dsl.runtime.cell import Reading, Reason
+from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.evidence import Present, Watch
 from codra_dsl.runtime.journal import Kind
 from codra_dsl.runtime.model import Algorithm, ObserverModel
 from codra_dsl.runtime.setbacks import Setback, decisive
 from codra_dsl.runtime.surroundings import Surroundings
+from codra_dsl.runtime.ticking import tick
 
 __all__ = ["Branch", "Observer"]
 
@@ -117,16 +118,9 @@ class Observer:
                 Kind.VARIABLE, variable, "too_old", value=content, evidence_s=stamp_s, source=algorithm
             )
             return False
-        reading: Reading[Value] = Reading(
-            name=variable,
-            content=content,
-            evidence_s=stamp_s,
-            start_s=start_s,
-            identified_s=self.now_s,
-            source=algorithm,
-        )
+        expires_s = stamp_s + self.surroundings.variables[variable].valid_for_s
         self._setbacks.pop(variable, None)
-        self._writes.append(reading)
+        self._writes.append(known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm))
         return True
 
     def next_in_turn(self, branch: Branch) -> Branch | None:
@@ -160,7 +154,7 @@ class Observer:
             return []
         for branch in self._branches:
             branch.note_stuck()
-        self.tree.tick_once()
+        tick(self.tree)
         if not self.wanted:
             self._setbacks.clear()
             return []

@@ -1,4 +1,4 @@
-"""Where the comments of a YAML text stand: what a scalar holds is text, whatever it looks like.
+"""Where the comments of a text stand, YAML above all: what a scalar holds is text, whatever it looks like.
 
 PyYAML's events carry no comments, but they say where scalars begin and end; comments stand between scalars, and after
 the head of a block scalar.
@@ -41,6 +41,24 @@ def comments(text: str) -> Iterator[tuple[int, int]]:
     finally:
         parser.dispose()
     yield from _found(_BETWEEN, text, at, len(text))
+
+
+XML_START = "<!--"
+XML_END = "-->"
+_OPENING = re.compile(r"<!--|<!\[CDATA\[")
+
+
+def xml_comments(text: str) -> Iterator[tuple[int, int]]:
+    """Yield the range of each comment of a text in XML that stands on one line, without `-->`."""
+    at = 0
+    while (opening := _OPENING.search(text, at)) is not None:
+        closing = XML_END if opening[0] == XML_START else "]]>"
+        end = text.find(closing, opening.end())
+        if end < 0:
+            return  # what is not closed is no XML; and nothing is looked through twice
+        if closing == XML_END and "\n" not in text[opening.start() : end]:
+            yield opening.start(), end
+        at = end + len(closing)
 
 
 def _found(pattern: re.Pattern[str], text: str, start: int, end: int) -> Iterator[tuple[int, int]]:

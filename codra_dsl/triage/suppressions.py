@@ -1,5 +1,7 @@
 """Comments that silence findings: `# codra: ignore[CDR7102] reason`, and what is wrong with such comments.
 
+In files of trees they are comments of XML: `<!-- codra: ignore[CDR3309] reason -->`.
+
 A comment behind something is about the findings of its line; one on a line of its own is about the next line that
 holds more than a comment. A finding that a template gives is silenced at the template's line for every use, or at the
 line of one use for that use.
@@ -26,19 +28,21 @@ from codra_dsl.diagnostics import (
 from codra_dsl.load.findings import Findings
 from codra_dsl.load.source import MAX_BYTES, Source, accept
 from codra_dsl.project import covers
-from codra_dsl.triage.comments import comments
+from codra_dsl.triage.comments import XML_END, XML_START, comments, xml_comments
 from codra_dsl.triage.rules import OWN_PREFIX, RULES, known_rules, nearest_code
 from codra_dsl.triage.settings import Settings
 
-_MAY_SUPPRESS = re.compile(rb"#[ \t]*codra[ \t]*:", re.IGNORECASE)
+_MAY_SUPPRESS = re.compile(rb"(?:#|<!--)[ \t]*codra[ \t]*:", re.IGNORECASE)
 _MARKED = re.compile(
-    r"#[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?", re.IGNORECASE
+    r"(?:#|<!--)[ \t]*codra[ \t]*:[ \t]*(?P<verb>[A-Za-z-]+)(?P<rest>[ \t]*\[(?P<codes>[^\]]*)\](?P<reason>.*))?",
+    re.IGNORECASE,
 )
 _CODE = re.compile(r"[^,\s](?:[^,]*[^,\s])?")
 _WORD = re.compile(r"\w")
 _VERB = "ignore"
 _OTHER_VERBS = frozenset({"ignored", "ignores", "ignroe", "noqa", "disable", "disabled", "suppress", "allow", "skip"})
 _WAY_OUT = "write '# codra: ignore[CDR7102] reason'"
+_WAY_OUT_IN_XML = "write '<!-- codra: ignore[CDR3309] reason -->'"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +152,8 @@ class _Suppressions:
         """Yield what is wrong with comments; `complete` says that no error hid what they may be meant for."""
         for each in self._all:
             if not each.codes:
-                yield _finding("ill-formed-suppression", "this comment silences nothing", each.span, _WAY_OUT)
+                way_out = _WAY_OUT_IN_XML if _is_xml(each.span.file) else _WAY_OUT
+                yield _finding("ill-formed-suppression", "this comment silences nothing", each.span, way_out)
             for index, code in enumerate(each.codes):
                 yield from self._of_code(each, index, code, complete=complete)
             if each.used and not each.has_reason:
@@ -196,7 +201,10 @@ def _leveled(found: Diagnostic, settings: Settings) -> Diagnostic:
 
 
 def _finding(rule: str, message: str, span: Span, way_out: str, fix: Fix | None = None) -> Diagnostic:
-    return Diagnostic(rule=RULES[rule], message=message, place=Place(span), help=way_out, fix=fix)
+    is_fixable = not _is_xml(span.file)  # only specs are mended
+    return Diagnostic(
+        rule=RULES[rule], message=message, place=Place(span), help=way_out, fix=fix if is_fixable else None
+    )
 
 
 def _replacing(code: Code, near: str) -> Fix:
@@ -226,7 +234,7 @@ def _read(file: str, text: str) -> Iterator[Suppression]:
     source = accept(text, file, Findings())
     if source is None:
         return
-    for start, end in comments(source.text):
+    for start, end in xml_comments(source.text) if _is_xml(file) else comments(source.text):
         marked = _MARKED.match(source.text, start, end)
         if marked is None:
             continue
@@ -235,14 +243,21 @@ def _read(file: str, text: str) -> Iterator[Suppression]:
             yield _suppression(source, marked, end, is_right=verb == _VERB)
 
 
+def _is_xml(file: str) -> bool:
+    return file.casefold().endswith(".xml")
+
+
 def _suppression(source: Source, marked: re.Match[str], end: int, *, is_right: bool) -> Suppression:
     start = marked.start()
+    end += len(XML_END) if source.text.startswith(XML_END, end) else 0
     first = marked.start("codes")
     found = _CODE.finditer(marked["codes"] or "") if is_right else ()
     codes = tuple(Code(each[0], source.span(first + each.start(), first + each.end())) for each in found)
     span = source.span(start, end)
     line_start = source.line_starts[span.line - 1]
-    stands_alone = not source.text[line_start:start].strip()
+    line_end = source.text.find("\n", end)
+    behind = source.text[end : line_end if line_end >= 0 else len(source.text)]
+    stands_alone = not source.text[line_start:start].strip() and not behind.strip()
     before = len(source.text[:start].rstrip(" \t"))
     return Suppression(
         span=span,
@@ -258,7 +273,7 @@ def _next_line(source: Source, line: int) -> int | None:
     starts = (*source.line_starts[line:], len(source.text))
     for number in range(line + 1, len(source.line_starts) + 1):
         content = source.text[starts[number - line - 1] : starts[number - line]].strip()
-        if content and not content.startswith("#"):
+        if content and not content.startswith(("#", XML_START)):
             return number
     return None
 

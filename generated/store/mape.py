@@ -102,14 +102,14 @@ MAPE = MapeModel(
                 reads=("bumped", "person_distance", "picking_up"),
             ),
             StageRuleModel(
-                text="if bumped is false and person_distance is close and picking_up is false then safety is high",
+                text="if bumped is false and person_distance is not close and picking_up is true then safety is high",
                 concludes=("safety",),
                 reads=("bumped", "person_distance", "picking_up"),
             ),
             StageRuleModel(
-                text="if bumped is false and person_distance is not close then safety is high",
+                text="if bumped is false and picking_up is false then safety is high",
                 concludes=("safety",),
-                reads=("bumped", "person_distance"),
+                reads=("bumped", "picking_up"),
             ),
             StageRuleModel(
                 text="if order_open is false then mission_completion is high",

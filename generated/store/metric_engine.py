@@ -34,8 +34,8 @@ OUTPUTS = (
 RULES = (
     "if bumped is true then safety is low",
     "if bumped is false and person_distance is close and picking_up is true then safety is medium",
-    "if bumped is false and person_distance is close and picking_up is false then safety is high",
-    "if bumped is false and person_distance is not close then safety is high",
+    "if bumped is false and person_distance is not close and picking_up is true then safety is high",
+    "if bumped is false and picking_up is false then safety is high",
     "if order_open is false then mission_completion is high",
     "if order_open is true and loaded is true then mission_completion is medium",
     "if order_open is true and loaded is false then mission_completion is low",
@@ -124,8 +124,8 @@ def infer(
     battery_drain_fast = terms.ramp(battery_drain, 1.0, 2.0)
     rule_1 = bumped_true
     rule_2 = norms.minimum(norms.minimum(bumped_false, person_distance_close), picking_up_true)
-    rule_3 = norms.minimum(norms.minimum(bumped_false, person_distance_close), picking_up_false)
-    rule_4 = norms.minimum(bumped_false, hedges.not_(person_distance_close))
+    rule_3 = norms.minimum(norms.minimum(bumped_false, hedges.not_(person_distance_close)), picking_up_true)
+    rule_4 = norms.minimum(bumped_false, picking_up_false)
     rule_5 = order_open_false
     rule_6 = norms.minimum(order_open_true, loaded_true)
     rule_7 = norms.minimum(order_open_true, loaded_false)
@@ -167,8 +167,8 @@ def infer_bounds(
     battery_drain_fast = bounds.image(terms.ramp, battery_drain, 1.0, 2.0)
     rule_1 = bumped_true
     rule_2 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, person_distance_close), picking_up_true)
-    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, person_distance_close), picking_up_false)
-    rule_4 = bounds.norm(norms.minimum, bumped_false, bounds.hedge(hedges.not_, person_distance_close))
+    rule_3 = bounds.norm(norms.minimum, bounds.norm(norms.minimum, bumped_false, bounds.hedge(hedges.not_, person_distance_close)), picking_up_true)
+    rule_4 = bounds.norm(norms.minimum, bumped_false, picking_up_false)
     rule_5 = order_open_false
     rule_6 = bounds.norm(norms.minimum, order_open_true, loaded_true)
     rule_7 = bounds.norm(norms.minimum, order_open_true, loaded_false)

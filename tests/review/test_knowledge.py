@@ -197,3 +197,21 @@ def test_a_change_stands_where_it_was_made() -> None:
     assert change.text == "has lost results: was there, blocked, is there"
     assert change.before is not None
     assert change.before.span.line == BASE[: BASE.index("results: [there")].count("\n") + 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "changes"),
+    [
+        ("default: 0.9 m", "default: 80 cm", ["stronger perception/look_at_left observable_when"]),
+        ("default: 0.9 m", "default: 90 cm", []),
+        ("reach: 0.5 m", "reach: 0.6 m", ["weaker perception/look_at_right observable_when"]),
+        ("distance(robot, $(instance)) < $(reach)", "not $(reach) <= distance(robot, $(instance))", []),
+    ],
+)
+def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: str, changes: list[str]) -> None:
+    base = (ROOT / "tests/cases/valid/poses.yaml").read_text("utf-8")
+    assert base.count(old) == 1
+    found = review(version(base), version(base.replace(old, new)))
+    assert (
+        sorted(f"{each.category} {each.element.removeprefix('bay/')} {each.key}" for each in found.changes) == changes
+    )

@@ -22,6 +22,8 @@ class Statement:
     others: str = ""
 
 
+CHECK = """<BehaviorTree ID="Check"><Sequence><Fallback><WasEntryUpdated entry="{y}"/><A/></Fallback>
+  <SkipUnlessUpdated entry="{y}"><B/></SkipUnlessUpdated></Sequence></BehaviorTree>"""
 STATEMENTS = {
     "Sequence: a running child is ticked again, earlier ones are not": Statement(
         "<Sequence><A/><B/><C/></Sequence>", "A=S B=RRS C=S", "running: A B | running: b | success: b C"
@@ -259,6 +261,55 @@ STATEMENTS = {
         '<Parallel><Sequence _onHalted="o:=1"><A _onHalted="o:=2"/></Sequence><B/></Parallel>',
         "A=R B=R",
         "running: A B | halt: A! B! | o==1",
+    ),
+    # unit tests of the library: updates of entries, preconditions in loops, remapped truths, skipping again and again
+    "an entry is updated once for each node that asks": Statement(
+        '<SubTree ID="Check" _autoremap="true"/>',
+        "",
+        "success: A | y=1 | success: B | success: A",
+        others=CHECK,
+    ),
+    "a second cycle sees no update where nothing was written": Statement(
+        """<Sequence><Script code="y := 1"/>
+          <Repeat num_cycles="2"><SubTree ID="Check" _autoremap="true"/></Repeat></Sequence>""",
+        "",
+        "success: B A",
+        others=CHECK,
+    ),
+    "a cycle that writes sees its own update": Statement(
+        """<Repeat num_cycles="2"><Sequence><Script code="y := 1"/>
+          <SubTree ID="Check" _autoremap="true"/></Sequence></Repeat>""",
+        "",
+        "success: B B",
+        others=CHECK,
+    ),
+    "Precondition asks again in each cycle": Statement(
+        """<Repeat num_cycles="3"><Sequence><Precondition if="x == 0" else="SUCCESS"><A/></Precondition>
+          <B _while="z == 0"/><C _while="y == 0"/></Sequence></Repeat>""",
+        "B=R C=R",
+        "x=0 | y=0 | z=1 | running: A C | x=1 | y=1 | z=0 | running: C! B | x=0 | z=1 | success: B! A",
+    ),
+    "a truth is remapped as an entry or as a text": Statement(
+        """<Sequence><Script code="p := true"/><SubTree ID="T" w="{p}"/><SubTree ID="T" w="true"/>
+          <SubTree ID="T" w="false"/></Sequence>""",
+        "",
+        "success: A A",
+        others='<BehaviorTree ID="T"><Sequence><A _skipIf="w != true"/></Sequence></BehaviorTree>',
+    ),
+    "a loop is paused from beside it": Statement(
+        """<Parallel><Sequence><A/><Script code="paused := false"/><B/></Sequence>
+          <Sequence><Script code="paused := true; done := 0"/><RetryUntilSuccessful num_attempts="-1" _while="paused"
+            _onHalted="done = 1"><C/></RetryUntilSuccessful></Sequence></Parallel>""",
+        "A=RS B=RS C=R",
+        "running: A C | running: a B C! | done==1 | success: b",
+    ),
+    "a root is skipped as often as its child is": Statement(
+        '<Sequence><A _skipIf="y == 1"/></Sequence>',
+        "",
+        "y=1 | skipped: | y=0 | success: A | y=1 | skipped: | y=0 | success: A",
+    ),
+    "a running node is not skipped": Statement(
+        '<A _skipIf="y == 0"/>', "A=R", "y=0 | skipped: | y=1 | running: A | y=0 | running: a"
     ),
 }
 

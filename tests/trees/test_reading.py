@@ -349,6 +349,42 @@ def test_settings_choose_among_findings_of_trees_and_say_how_bad_they_are(
     assert [(each.code, each.severity) for each in found] == told
 
 
+MARKED = '<AlwaysSuccess _mark="1"/>'
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        (f"\n{MARKED} <!-- codra: ignore[CDR3309] the editor needs it -->\n", []),
+        (f"\n<!-- codra: ignore[CDR3309] the editor needs it -->\n<!-- more -->\n{MARKED}\n", []),
+        (f"<!-- codra: ignore[CDR3309] the editor needs it -->{MARKED}", []),
+        (f"\n{MARKED} <!-- codra: ignore[CDR3309] -->\n", [(2, "CDR7902", "the comment does not say why it silences")]),
+        (
+            f"\n<!-- codra: ignore[CDR3309] why -->\n<Inverter>\n{MARKED}</Inverter>",
+            [(2, "CDR7901", "'CDR3309' silences nothing: "), (4, "CDR3309", "'_mark' has no effect")],
+        ),
+        ("\n<AlwaysSuccess/> <!-- codra: ignore[CDR3309] why -->\n", [(2, "CDR7901", "'CDR3309' silences nothing: ")]),
+        ("\n<AlwaysSuccess/> <!-- codra: ignore[CDR2303] why -->\n", [(2, "CDR7904", "'CDR2303' is an error without")]),
+        (
+            f"\n<![CDATA[<!-- codra: ignore[CDR3309] why -->]]>{MARKED}",
+            [(2, "CDR1304", "the text"), (2, "CDR3309", "'_")],
+        ),
+        ("\n<AlwaysSuccess/> <!-- codra: ignore CDR3309 -->\n", [(2, "CDR7905", "this comment silences nothing")]),
+    ],
+)
+def test_comments_in_a_file_of_trees_silence_its_findings(
+    tmp_path: Path, body: str, told: list[tuple[int, str, str]]
+) -> None:
+    (tmp_path / "main.xml").write_text(document(body))
+    (tmp_path / "spec.yaml").write_text(SPEC)
+
+    found = plan_paths([tmp_path], tmp_path).diagnostics
+
+    assert [(each.place.span.line, each.code) for each in found] == [(line, code) for line, code, _ in told]
+    assert all(each.message.startswith(message) for each, (_, _, message) in zip(found, told, strict=True))
+    assert all(each.fix is None for each in found)
+
+
 def test_a_file_of_trees_that_is_no_xml_is_a_finding_of_the_spec_that_names_it(tmp_path: Path) -> None:
     (tmp_path / "main.xml").write_text("<root")
     (tmp_path / "spec.yaml").write_text(SPEC)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +32,7 @@ from codra_dsl.model import (
 )
 from codra_dsl.units import UNITS
 
-_METRES = Type(Kind.FLOAT, UNITS["m"])
+_METRES = Type(Kind.FLOAT, UNITS["m"], range=(0.0, math.inf))
 
 STATES = frozenset(state.value for state in TaskState)
 """What the edge of a task can say: no edge that a spec declares has such a name."""

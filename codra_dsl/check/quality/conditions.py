@@ -18,7 +18,7 @@ from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.check.types import Types
 from codra_dsl.diagnostics import Diagnostic, Related
-from codra_dsl.expression import Name, Node, Not, Truth, names_in
+from codra_dsl.expression import Name, Node, Not, Truth, names_in, spelt_out
 from codra_dsl.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
 
 MAX_MEMBERS = 30
@@ -97,7 +97,7 @@ def _stated(scope: Scope, conditions: Iterable[Condition]) -> Iterator[Stated]:
     for condition in conditions:
         judgement = scope.judgement(condition)
         if judgement is not None and not judgement.problems:
-            yield stated(condition, judgement.typed.node)
+            yield stated(condition, spelt_out(judgement.typed.node))
 
 
 def _listed(scope: Scope, conditions: Iterable[Condition]) -> Iterator[Stated]:

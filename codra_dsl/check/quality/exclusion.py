@@ -9,7 +9,7 @@ from codra_dsl.check.possible import can_hold
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import NEED_KEYS, OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related
-from codra_dsl.expression import Node, names_in
+from codra_dsl.expression import Node, names_in, spelt_out
 from codra_dsl.model import Algorithm, Condition, Expectation, Expected, Reference, Skill, WhenUnobservable
 
 MAX_STEPS = 100_000
@@ -169,7 +169,7 @@ class _Search:
 
     def _sound_tree(self, condition: Condition) -> Node | None:
         judgement = self._scope.judgement(condition)
-        return None if judgement is None or judgement.problems else judgement.typed.node
+        return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
 
 
 def _is_through(condition: Condition, name: str) -> bool:

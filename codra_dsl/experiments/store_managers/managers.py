@@ -112,6 +112,9 @@ class _Overruled:
         self.courses: Mapping[str, CourseModel] = planning.courses
         self.decisions: Mapping[str, Sequence[Decision]] = {name: [] for name in planning.courses}
 
+    def resume(self) -> None:
+        self._planning.resume()
+
     def standing(self, course: str) -> Standing:
         return self._planning.standing(course)
 

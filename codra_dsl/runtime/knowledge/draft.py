@@ -11,7 +11,7 @@ from codra_dsl.runtime.agents import NotASourceError
 from codra_dsl.runtime.cell import Reading, Reason, known_reading
 from codra_dsl.runtime.geometry import Outcome, Pose
 from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
-from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node
+from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node, made
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
 from codra_dsl.runtime.model import NotOfTypeError, text
@@ -99,7 +99,7 @@ class Draft:
         self.notes = notes
         self.operation: Any = None
 
-    def state(self, since_s: float) -> State:
+    def state(self) -> State:
         """Return the state that the changes make; once, and only of a draft that began as the present state."""
         nodes, edges, directory = self._nodes, self._edges, self._directory
         if self._new_nodes:
@@ -108,16 +108,19 @@ class Draft:
             edges = edges.with_changes(self._new_edges)
         if directory.added > directory.most:
             directory = directory.renewed(nodes, edges)
-        return State(
-            since_s,
-            self._version + 1,
-            self._next_number,
-            nodes,
-            edges,
-            directory,
-            self._frames,
-            self._handovers,
-            self._gone,
+        return made(
+            State,
+            (
+                self.now_s,
+                self._version + 1,
+                self._next_number,
+                nodes,
+                edges,
+                directory,
+                self._frames,
+                self._handovers,
+                self._gone,
+            ),
         )
 
     def is_of(self, state: State) -> bool:
@@ -127,7 +130,8 @@ class Draft:
     def take(self, other: Draft) -> None:
         """Take over what another draft, which began as the same state, has become."""
         for name in Draft.__slots__:
-            setattr(self, name, getattr(other, name))
+            if name != "now_s":  # it becomes the present state now, not when the other draft was begun
+                setattr(self, name, getattr(other, name))
 
     # Nodes
 
@@ -143,7 +147,7 @@ class Draft:
             raise PresentError(f"there is a node {name!r} already")
         number = self._next_number
         self._next_number = number + 1
-        self._new_nodes[name] = Node(name, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        self._new_nodes[name] = made(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s))
         self._directory.add_node(name, type_name)
         self.touched.append(("node", type_name))
         if self.notes is not None:
@@ -191,24 +195,29 @@ class Draft:
 
     def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node, whoever may."""
-        name, type_name, number, histories, writer, since_s = node
-        attribute = declared.model.name
-        history = histories.get(attribute)
-        reading = self._reading(history, declared, name, value, evidence_s)
-        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
-        self._new_nodes[name] = Node(name, type_name, number, {**histories, attribute: longer}, writer, since_s)
-        self.touched.append((name, attribute))
+        reading = self._reading(node.histories.get(declared.model.name), declared, node.name, value, evidence_s)
+        self.take_in(node, declared, reading)
         if declared.variable:
             self.shared += (reading,)
         elif self.notes is not None:
             self._note_reading(declared, reading)
+
+    def take_in(self, node: Node, declared: Attribute, reading: Reading[Value]) -> None:
+        """Add a reading to what is known of an attribute of a node."""
+        name, type_name, number, histories, writer, since_s = node
+        attribute, most = declared.model.name, declared.model.history
+        history = histories.get(attribute)
+        longer = (History() if history is None else history).with_reading(reading, most)
+        self._new_nodes[name] = made(Node, (name, type_name, number, {**histories, attribute: longer}, writer, since_s))
+        self.touched.append((name, attribute))
 
     # Edges
 
     def insert_edge(self, origin: str, type_name: str, target: str, values: Mapping[str, object]) -> None:
         """Insert an edge that is a symbol, or write attributes of the one that is there."""
         edge_type = self.words.edge_type(type_name)
-        edge_type.rights.check(self.agent, f"edges of type {type_name}")
+        if self.agent not in edge_type.rights.writers:
+            edge_type.rights.refuse(self.agent, f"edges of type {type_name}")
         if edge_type.model.motion is not None:
             raise ValueError(f"an edge of type {type_name!r} has a pose: place {target!r} in {origin!r}")
         self.draw(edge_type, origin, target)
@@ -239,7 +248,12 @@ class Draft:
             self._remove_edge(known)
         number = self._next_number
         self._next_number = number + 1
-        self._add_edge(Edge(origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s))
+        told = (origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        self._new_edges[key] = edge = made(Edge, told)
+        self._directory.add_edge(key)
+        self.touched.append(("edge", type_name))
+        if self.notes is not None:
+            self._note_edge(edge, "edge_inserted")
 
     def delete_edge(self, origin: str, type_name: str, target: str) -> None:
         """Delete an edge; a node that had a pose by it stands nowhere from now on."""
@@ -274,7 +288,8 @@ class Draft:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
     def _edge_at(self, key: EdgeKey) -> Edge | None:
-        return self._new_edges[key] if key in self._new_edges else self._edges.get(key)
+        changed = self._new_edges
+        return changed[key] if changed and key in changed else self._edges.get(key)
 
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it is there, whoever may."""
@@ -401,15 +416,6 @@ class Draft:
         return known_reading(
             name, content, evidence_s, evidence_s, now_s, evidence_s + declared.model.valid_for_s, agent
         )
-
-    def _add_edge(self, edge: Edge) -> None:
-        origin, label, target, type_name, *_ = edge
-        key = (origin, label, target)
-        self._new_edges[key] = edge
-        self._directory.add_edge(key)
-        self.touched.append(("edge", type_name))
-        if self.notes is not None:
-            self._note_edge(edge, "edge_inserted")
 
     def _remove_edge(self, edge: Edge) -> None:
         if self.words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:

@@ -140,6 +140,9 @@ def _readings(histories: Mapping[str, History]) -> Mapping[str, Reading[Any]]:
     return MappingProxyType({name: cast("Reading[Any]", each.present) for name, each in histories.items()})
 
 
+made = tuple.__new__
+"""Makes a named tuple of all its fields, in half the time that calling its class takes."""
+
 _new: Callable[[type[History]], History] = object.__new__
 
 

@@ -23,7 +23,6 @@ from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.acting import Acting, RuleError
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
 from codra_dsl.runtime.knowledge.draft import Draft, Touched
-from codra_dsl.runtime.knowledge.elements import History
 from codra_dsl.runtime.knowledge.matching import reads
 from codra_dsl.runtime.knowledge.operations import DEEDS, Operation, Verb, operations_of
 from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
@@ -32,7 +31,7 @@ from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
 from codra_dsl.runtime.knowledge.watching import Change, Sight, Watch, Watches, of_attribute, of_matches, of_wakes
 from codra_dsl.runtime.knowledge.words import Words
-from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction
+from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction, closed
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.subscriptions import Subscription
 
@@ -177,15 +176,13 @@ class Knowledge:
 
     def mirror(self, reading: Reading[Value]) -> None:
         """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
-        if any(each is reading for each in self._held):
+        if self._held and any(each is reading for each in self._held):
             return  # it is in the graph already, with all that was written with it
-        name = reading.name
-        node = self._state.nodes[self._words.variables[name]]
-        most = self._words.attribute(node, name).model.history
-        history = node.histories.get(name, History()).with_reading(reading, most)
-        nodes = self._state.nodes.with_entry(node.name, node._replace(histories={**node.histories, name: history}))
-        self._hold(self._state._replace(since_s=self._step_now_s(), version=self._state.version + 1, nodes=nodes))
-        self._watches.changed([(node.name, name)])
+        draft = Draft(self._words, self._state, self._step_now_s(), reading.source)
+        node = draft.node(self._words.variables[reading.name])
+        draft.take_in(node, self._words.attribute(node, reading.name), reading)
+        self._hold(draft.state())
+        self._watches.changed(draft.touched)
 
     def in_step(self) -> Snapshot:
         """Return the graph as it is at the instant of the present step."""
@@ -222,12 +219,7 @@ class Knowledge:
 
         def check() -> None:
             if is_closed:
-                raise PermissionError(f"this handle of the agent {name!r} is closed")
-
-        def commit(verb: Verb, given: tuple[Any, ...]) -> Any:
-            if is_closed:
-                check()
-            return self._do(name, verb, given)
+                closed(name)
 
         def wake(handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
             check()
@@ -244,7 +236,7 @@ class Knowledge:
                 subscription.unsubscribe()
 
         means = Means(
-            commit=commit,
+            commit=partial(self._do, name),
             transact=lambda: self._transaction(name, check, _nothing),
             wake=wake,
             act=partial(self._acting, name, check),
@@ -324,7 +316,7 @@ class Knowledge:
     def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
         with self._turn:
-            draft = self._draft(agent)
+            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
                 result = change(draft)
             except PermissionError as error:
@@ -340,7 +332,7 @@ class Knowledge:
         As `_write`, for what is done most: it makes an operation only where somebody is told of it.
         """
         with self._turn:
-            draft = self._draft(agent)
+            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
                 result = DEEDS[verb](draft, *given)
             except PermissionError as error:
@@ -350,17 +342,14 @@ class Knowledge:
                 self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
         return result
 
-    def _draft(self, agent: str) -> Draft:
-        return Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
-
     def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
         sharing = self._sharing
         if sharing is None:
-            self._hold(draft.state(self._step_now_s()))
+            self._hold(draft.state())
         else:
             sharing.tell_input(draft.agent, operations)
-            self._hold(draft.state(self._step_now_s()))
+            self._hold(draft.state())
             self._held = draft.shared
             try:
                 sharing.commit(draft, self._state.version)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NoReturn, Self
 
 from codra_dsl.runtime.geometry import Pose
@@ -186,6 +187,19 @@ class Transaction(Writer):
                 raise ConflictError("the task was handed over otherwise while the transaction was made")
 
 
+def closed(name: str) -> NoReturn:
+    """Tell that a handle is closed.
+
+    Raises:
+        PermissionError: always.
+    """
+    raise PermissionError(f"this handle of the agent {name!r} is closed")
+
+
+def _closed(name: str, _verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
+    closed(name)
+
+
 def _over(_verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
     raise PermissionError("this transaction is over: begin another")
 
@@ -195,7 +209,7 @@ class Means:
     """By what the handle of an agent does its work.
 
     Attributes:
-        commit: does something as this agent.
+        commit: does something as this agent, which a handle that is closed asks no more.
         transact: begins a transaction of this agent.
         wake: calls back when the agent is to wake, and keeps the handle until that ends.
         act: returns the action of a rule, by its name.
@@ -241,6 +255,7 @@ class AgentHandle(Writer):
     def close(self) -> None:
         """Write no more with this handle, and be woken no more; the agent can be taken again."""
         self._means.close()
+        self._apply = partial(_closed, self._name)
 
     def check_open(self) -> None:
         """Do nothing while the handle is open.

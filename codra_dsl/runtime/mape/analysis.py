@@ -233,7 +233,8 @@ class _Cutting:
         return tuple((*box[:longest], part, *box[longest + 1 :]) for part in parts)
 
     def _side(self, index: int, bounds: Bounds) -> float:
-        return (bounds.high - bounds.low) / self._ranges[index] if self._is_open[index] and is_finite(bounds) else 0.0
+        width = self._ranges[index]
+        return (bounds.high - bounds.low) / width if self._is_open[index] and width and is_finite(bounds) else 0.0
 
 
 def _pieces(bounds: Bounds, pieces: int) -> tuple[Bounds, ...]:

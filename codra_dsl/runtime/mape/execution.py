@@ -86,6 +86,7 @@ class Execution:
         """Let the branch of another action run, once the present one has ended; it is halted within this call."""
         left, now_s = self.action, self._clock.now_s()
         self.action = action
+        self._is_resting = False
         if self._leaving is not None or not left:
             self.due_s = now_s
             return
@@ -100,14 +101,18 @@ class Execution:
 
     def tick(self) -> None:
         """Tick the tree, unless no course is chosen yet or the branch that was left has not ended."""
+        try:
+            self._go_on()
+        finally:
+            self._schedule()
+
+    def _go_on(self) -> None:
         if self._leaving is None or self._has_ended(self._leaving):
             self._leaving = None
             if self.action and self.branch != self.model.branches[self.action]:
                 self.tree.scope.create(self.model.entry, self.model.branches[self.action])
-                self._is_resting = False
             if not self._is_resting and (self.action or not self.model.course):
                 self._attempt(self._tick)
-        self._schedule()
 
     def halt(self) -> None:
         """Halt whatever runs."""
@@ -159,6 +164,8 @@ class Execution:
         return [each.task for each in handovers if each.is_open and each.requester == self.model.agent]
 
     def _schedule(self) -> None:
-        due_s = self._clock.now_s() + self.model.period_s
-        wanted_s = math.inf if self.tree.due_s is None else self.tree.due_s
-        self.due_s = min(due_s, wanted_s)
+        now_s, wanted_s = self._clock.now_s(), self.tree.due_s
+        if wanted_s is None or wanted_s <= now_s:  # what waits for an instant before now has been halted since
+            wanted_s = math.inf
+        over_s = math.inf if self._leaving is None else self._leaving.until_s
+        self.due_s = min(now_s + self.model.period_s, wanted_s, over_s)

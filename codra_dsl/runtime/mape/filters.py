@@ -89,6 +89,10 @@ class FilterState:
         """Return until when an action that was left is not chosen again."""
         return self.left_s.get(action, -math.inf) + model.cooldown_s
 
+    def resumed(self) -> FilterState:
+        """Return the state without what went on between two steps: nobody knows what weights were meanwhile."""
+        return replace(self, tracked={}, unknown_since_s=None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chosen:

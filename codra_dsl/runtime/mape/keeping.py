@@ -60,8 +60,8 @@ def keeping(
         decision: for another one.
         more: inputs that hard rules read and no stage does.
     """
-    if not decision.before:
-        return ()
+    if not decision.before or would_keep(course, decision.assessment, decision.before, decision.instant_s):
+        return ()  # what was known would have kept it: what came before, smoothed or held, decided
     asked = {each.variable: each for each in (*more, *_inputs(model))}
     inputs = [found for each in asked.values() for found in _of_input(model, course, decision, each)]
     weights = [] if decision.rule is not None else list(_of_weights(course, decision))
@@ -142,7 +142,8 @@ def _of_weights(course: CourseModel, decision: Decision) -> Iterator[Keeping]:
     """Yield which single weight, if it had been another, would have kept the course, and what it would have to be."""
     weights = decision.assessment.weights()
     of_course, reach = weights[decision.before], threshold(course)
-    others = [value for action, value in weights.items() if action != decision.before and value is not None]
+    rivals = (weights[action] for action in course.choose if action != decision.before)
+    others = [value for value in rivals if value is not None]
     wanted = {decision.before: max(others, default=0.0) - reach + _MARGIN}
     if of_course is not None:
         wanted[decision.action] = of_course + reach - _MARGIN

@@ -10,7 +10,8 @@ from __future__ import annotations
 import logging
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Self
 
@@ -22,7 +23,7 @@ from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.mape.execution import Execution
 from codra_dsl.runtime.mape.places import placed
-from codra_dsl.runtime.mape.planning import Planner, Planners, Planning, Setting, Written
+from codra_dsl.runtime.mape.planning import Plan, Planner, Planners, Planning, Setting, Written
 from codra_dsl.runtime.mape.telling import analysis_of, chain_of, evidence_of, kept_by, plain
 from codra_dsl.runtime.names import unknown
 from codra_dsl.runtime.outline import package_folder, places_in
@@ -33,6 +34,9 @@ from codra_dsl.runtime.trees.node import Leaves
 _LOGGER = logging.getLogger(__name__)
 
 Manager = ContextManager[Any, Any]
+
+MOST_AT_ONCE = 10
+"""How often an adaptation may change at one instant before a loop takes it to go round in circles."""
 
 
 class Mape:
@@ -185,7 +189,10 @@ class Loop:
         self._is_busy = False
         self._has_changed = False
         self._analysis_due_s = -math.inf
+        self._changed_s = -math.inf
+        self._changes: Counter[str] = Counter()
         self._unexplained: list[Decision] = []
+        self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
         self._idle = threading.Event()
@@ -221,6 +228,7 @@ class Loop:
             if self._is_on:
                 return
             self._is_on, self._has_changed = True, True
+        self.planning.resume()
         self._tell(self._loop.name, "started", {})
         watched = self.planning.watches()
         if watched:
@@ -251,7 +259,13 @@ class Loop:
     def _changed(self) -> None:
         with self._lock:
             self._has_changed = True
-        self._wake_at(self._clock.now_s())
+        self._wake_at(self._soonest_s())
+
+    def _soonest_s(self) -> float:
+        """Return when to analyse what has changed: now, or after a period where one thing changes on and on."""
+        now_s = self._clock.now_s()
+        is_circling = now_s == self._changed_s and max(self._changes.values(), default=0) >= MOST_AT_ONCE
+        return now_s + self._loop.period_s if is_circling else now_s
 
     def _wake_at(self, instant_s: float) -> None:
         with self._lock:
@@ -296,7 +310,7 @@ class Loop:
             self._is_busy = False
             self._idle.set()
             if self._has_changed:
-                due_s = self._clock.now_s()
+                due_s = min(due_s, self._soonest_s())
         self._wake_at(due_s)
 
     # What
@@ -312,8 +326,8 @@ class Loop:
         for tree in self.trees.values():
             if self._clock.now_s() >= tree.due_s:
                 self._attempt(tree.tick)
-        while self._unexplained:
-            self._attempt(partial(self._explain, self._unexplained.pop(0)))
+        if self._unexplained and not self._is_explaining:
+            self._attempt(self._explain_beside)
         return min([self._analysis_due_s, *(tree.due_s for tree in self.trees.values())])
 
     def _analyse(self) -> None:
@@ -331,6 +345,20 @@ class Loop:
                 self._unexplained.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
+        self._count(plan, now_s)
+
+    def _count(self, plan: Plan, now_s: float) -> None:
+        """Count what changes at one instant, and tell of what follows from itself."""
+        if now_s != self._changed_s:
+            self._changed_s, self._changes = now_s, Counter()
+        changed = [*(each.course for each in plan.decisions), *(each.parameter.name for each in plan.settings)]
+        self._changes.update(changed)
+        for name in changed:
+            if self._changes[name] == MOST_AT_ONCE:
+                message = (
+                    f"'{name}' has changed {MOST_AT_ONCE} times at one instant: what it follows from follows from it"
+                )
+                self._tell(self._loop.name, "failed", {"message": message})
 
     def _adapt(self, decision: Decision) -> None:
         course = self.planning.courses[decision.course]
@@ -343,12 +371,24 @@ class Loop:
             written = Written(variable=course.variable, value=decision.action, evidence_s=now_s)
             self._pens.write(self._model.adapter, written, now_s)
 
+    def _explain_beside(self) -> None:
+        """Tell what would have kept courses, beside the rounds: it may take long, and nobody waits for it."""
+        left, self._unexplained = self._unexplained, []
+        self._clock.start(lambda _: self._explain_all(left), _ignore)
+
+    def _explain_all(self, left: Sequence[Decision]) -> None:
+        self._is_explaining = True
+        for decision in left:
+            self._attempt(partial(self._explain, decision))
+        self._is_explaining = False
+
     def _explain(self, decision: Decision) -> None:
-        """Tell what would have kept a course: after all that must not wait for it."""
+        """Tell what would have kept a course, unless the loop has been stopped meanwhile."""
         course = self.planning.courses[decision.course]
         found = self.planning.kept_by(decision)
         about = {"variable": course.variable or None, "action": decision.action, "before": decision.before}
-        self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
+        if self._is_on:
+            self._tell(course.name, "explained", {**about, "kept_by": kept_by(found)})
 
     def _set(self, setting: Setting) -> None:
         model = setting.parameter
@@ -366,7 +406,7 @@ class Loop:
                 "because": "worse" if setting.is_urgent else "changed" if stood else "first",
                 "since_s": setting.since_s if stood else None,
                 "dwell_until_s": setting.since_s + model.dwell_s if stood else None,
-                **evidence_of(setting.assessment),
+                **evidence_of(setting.assessment, model.value.variables()),
             },
         )
 

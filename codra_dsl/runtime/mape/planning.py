@@ -106,6 +106,10 @@ class Planner(Protocol):
         """Return the newest decisions of each course, the oldest first."""
         ...
 
+    def resume(self) -> None:
+        """Begin, or go on after a time in which nobody looked."""
+        ...
+
     def standing(self, course: str) -> Standing:
         """Return how a course stands."""
         ...
@@ -156,6 +160,11 @@ class Planning:
         self._bounds: dict[str, Bounds] = {}
         self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
         self._reads = tuple(sorted(self._read()))
+
+    def resume(self) -> None:
+        """Go on after a time in which nobody looked: courses stand, and how weights went until then is forgotten."""
+        for name, standing in self._standing.items():
+            self._standing[name] = replace(standing, state=standing.state.resumed())
 
     def standing(self, course: str) -> Standing:
         """Return how a course stands."""

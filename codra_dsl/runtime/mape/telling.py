@@ -32,15 +32,20 @@ def chain_of(loop: str, course: CourseModel, decision: Decision) -> Details:
         since_s=_finite(before.since_s),
         dwell_until_s=_finite(before.dwell_until_s(course)),
         weights=[_weighed(course, decision, each) for each in _weights(course, decision)],
-        **evidence_of(decision.assessment),
+        **evidence_of(decision.assessment, [name for rule in course.always for name in rule.condition.variables()]),
     )
 
 
-def evidence_of(assessment: Assessment) -> Details:
-    """Return what was known, and what the stages made of it."""
+def evidence_of(assessment: Assessment, more: Iterable[str] = ()) -> Details:
+    """Return what was known, and what the stages made of it.
+
+    Args:
+        assessment: of the instant.
+        more: variables that a condition reads, be it that no stage does.
+    """
     stages = (assessment.metrics, assessment.actions)
     return {
-        "readings": _readings(stages),
+        "readings": _readings(stages, [assessment.scene[name] for name in sorted(set(more))]),
         "degrees": [_degree(each) for each in dict.fromkeys(each for stage in stages for each in stage.degrees)],
         "rules": [_rule(each) for stage in stages for each in stage.rules],
         "metrics": [_judged(each) for each in assessment.metrics.outputs],
@@ -109,8 +114,9 @@ def kept_by(found: Iterable[Keeping]) -> list[Details]:
     ]
 
 
-def _readings(stages: Sequence[Stage]) -> list[Details]:
-    seen: dict[str, Observation] = {each.variable: each for stage in stages for each in stage.inputs}
+def _readings(stages: Sequence[Stage], more: Sequence[Observation]) -> list[Details]:
+    read = [*(each for stage in stages for each in stage.inputs), *more]
+    seen: dict[str, Observation] = {each.variable: each for each in read}
     judged = {each.variable for stage in stages for each in stage.outputs}
     return [_reading(each) for each in seen.values() if each.variable not in judged]
 

@@ -336,12 +336,12 @@ class _LocalizationError:
 
     def at(self, t_s: float, *, is_localized: bool) -> Pose:
         """Return the believed base's pose in the true base's frame."""
-        waves = [
-            sum(size * sin(2 * pi * t_s / period_s + phase) for period_s, phase, size in axis) for axis in self._waves
-        ]
-        offset = (0.0, 0.0, 0.0) if is_localized else self._lost
-        x_m, y_m, heading_rad = (wave + off for wave, off in zip(waves, offset, strict=True))
-        return Pose.planar(x_m, y_m, heading_rad)
+        x_m, y_m, heading_rad = (
+            slow * sin(2 * pi * t_s / slow_s + slow_phase) + quick * sin(2 * pi * t_s / quick_s + quick_phase)
+            for (slow_s, slow_phase, slow), (quick_s, quick_phase, quick) in self._waves
+        )
+        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost
+        return Pose.planar(x_m + off_x_m, y_m + off_y_m, heading_rad + off_rad)
 
 
 def _minimum_jerk(share_of_time: float) -> float:

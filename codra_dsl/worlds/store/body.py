@@ -12,11 +12,6 @@ import numpy as np
 
 from codra_dsl.worlds.store.geometry import Floats, Point, Stand
 
-BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
-BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
-REACH_M = 0.83
-"""How far the robot's farthest corner is from its axle, about which it turns."""
-
 CAMERA_AT = Stand(0.45, 0.0)
 CAMERA_VIEW_RAD = radians(87.0)
 CAMERA_VIEW_UP_RAD = radians(58.0)

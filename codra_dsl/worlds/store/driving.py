@@ -11,8 +11,9 @@ from math import atan2, hypot, inf, pi, sqrt
 
 import numpy as np
 
-from codra_dsl.worlds.store.body import BODY_FRONT_M, FORK_TIP_M, FRONT, REACH_M, Done, Lift, Outcome, Scan, Side, Way
+from codra_dsl.worlds.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
 from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
+from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
 
 DEFAULT_MAX_SPEED_M_S = 1.0
 BACKWARD_M_S = 0.3

@@ -35,6 +35,11 @@ WHEEL_OFFSET_M = 0.3
 WHEEL_RADIUS_M = 0.05
 """A container's four wheels stand so far from its middle, to either side."""
 
+BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
+BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
+REACH_M = 0.83
+"""How far the robot's farthest corner is from its axle, about which it turns."""
+
 FORK_M = 0.4
 """So far behind the robot's axle the middle of its fork is, and of a container on it."""
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from codra_dsl.worlds.store.body import (
+from codra_dsl.worlds.store.geometry import Box, Disc, Point, Scene, Stand
+from codra_dsl.worlds.store.layout import (
     BODY_BACK_M,
     BODY_FRONT_M,
     BODY_WIDTH_M,
+    CONTAINER_M,
+    FIXED,
     FORK_TIP_M,
     FORK_WIDTH_M,
     REACH_M,
+    WHEEL_OFFSET_M,
+    WHEEL_RADIUS_M,
 )
-from codra_dsl.worlds.store.geometry import Box, Disc, Point, Scene, Stand
-from codra_dsl.worlds.store.layout import CONTAINER_M, FIXED, WHEEL_OFFSET_M, WHEEL_RADIUS_M
 
 
 class Load(StrEnum):

@@ -13,10 +13,10 @@ from math import cos, hypot, pi, remainder, sin
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.worlds.store import sensors
-from codra_dsl.worlds.store.body import REACH_M, Done, Lift, Outcome, Picture, Scan, Side, Stop, Way
+from codra_dsl.worlds.store.body import Done, Lift, Outcome, Picture, Scan, Side, Stop, Way
 from codra_dsl.worlds.store.driving import STEP_S, STEPS_PER_S, Drive, Driving, Raise, Senses, Turn, Wish
 from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
-from codra_dsl.worlds.store.layout import DOCK, FIXED, FORK_M, START
+from codra_dsl.worlds.store.layout import DOCK, FIXED, FORK_M, REACH_M, START
 from codra_dsl.worlds.store.people import PERSON_RADIUS_M, Person
 from codra_dsl.worlds.store.state import (
     Container,

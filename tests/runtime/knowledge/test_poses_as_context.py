@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from codra_dsl.runtime import ContextManager, Journal, Kind, NotASourceError, SimClock
+from codra_dsl.runtime import ContextManager, Journal, Kind, NotASourceError, SimClock, WallClock
 from codra_dsl.runtime.cell import Reason
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.journal.ledger import Ledger
@@ -112,6 +114,7 @@ def test_nobody_writes_what_follows_from_poses() -> None:
             codra.agent("the knowledge graph")
         assert codra.decide(NEAR, lambda: True, max_age_s=0.1) is True
         assert codra.get(NEAR).value is False
+        assert codra.obstacle(NEAR) == "it follows from poses"
         assert NEAR not in {reading.name for node in codra.knowledge.snapshot().nodes() for reading in node.histories}
 
 
@@ -167,6 +170,37 @@ def test_a_replay_works_it_out_anew_from_the_poses(tmp_path: Path) -> None:
     found = replay(head, events, MODEL, ContextManager, copy, knowledge(0.3))
     assert found.difference is None
     assert found.derived[Kind.VARIABLE] == len(names)
+    assert (tmp_path / "copy.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
+
+
+def test_a_run_in_real_time_under_several_threads_is_worked_out_again_byte_for_byte(tmp_path: Path) -> None:
+    clock = WallClock()
+    with manager(clock, Lid(), Journal(tmp_path / "run.mcap"), extrapolate_s=0.1) as codra:
+        codra.declare("lid_open")
+        robot, people = codra.agent("navigation").graph, codra.agent("people").graph
+
+        def drive_about() -> None:
+            for turn in range(60):
+                robot.place("world", "robot_pose", "robot", Pose.of((3.0 + 0.3 * math.sin(turn), 0.0, 0.0)))
+                time.sleep(0.004)
+
+        def carry_about() -> None:
+            for turn in range(60):
+                parent = ("robot", "world")[turn % 7 == 0]
+                people.place(parent, "cup_pose", "cup", Pose.of((math.cos(turn), 0.0, 1.0 + math.sin(turn))))
+                time.sleep(0.003)
+
+        threads = [threading.Thread(target=drive_about), threading.Thread(target=carry_about)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(60.0)
+            assert not thread.is_alive()
+        clock.sleep(0.15)
+    head, events = read(tmp_path / "run.mcap")
+    assert {NEAR, IN_VIEW, CUP_NEAR} <= {event.name for event in events if event.kind is Kind.VARIABLE}
+    copy = Journal(tmp_path / "copy.mcap")
+    assert replay(head, events, MODEL, ContextManager, copy, knowledge(0.1)).difference is None
     assert (tmp_path / "copy.mcap").read_bytes() == (tmp_path / "run.mcap").read_bytes()
 
 

@@ -181,6 +181,27 @@ def test_why_tells_the_chain_from_the_person_to_the_branch_and_what_would_have_k
         assert link in why
 
 
+def test_why_of_a_metric_and_of_a_weight_tells_what_led_to_them() -> None:
+    run = told(Situation.PEOPLE_CLOSE)
+    switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
+    asked = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
+    of_metric, of_weight = (codra("why", name, *asked, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
+
+    for link in (
+        "safety came to be 0.5 at ",
+        "person_distance is close and picking_up is true then safety is medium: acts with 1  [specs/store.yaml:",
+        "person_distance was 1.",
+        "m evidence taken at ",
+        "(close 1)",
+        "picking_up was true",
+    ):
+        assert link in of_metric
+        assert link in of_weight
+    assert "weight_of_start came to be 0.814285 at " in of_weight
+    assert "if safety is medium and loaded is false then weight_of_start is high: acts with 1" in of_weight
+    assert "safety was 0.5, from evidence taken at " in of_weight
+
+
 def test_metrics_and_weights_are_drawn_over_time(tmp_path: Path) -> None:
     draw_adaptation(
         tmp_path / "curves.svg", told(Situation.PEOPLE_CLOSE).events, ["safety"], ["weight_of_pick", "weight_of_start"]

@@ -7,8 +7,9 @@ from math import hypot, inf
 
 import numpy as np
 
-from codra_dsl.worlds.store.body import BODY_FRONT_M, FORK_TIP_M, FRONT, Body, Side, Way
+from codra_dsl.worlds.store.body import FRONT, Body, Side, Way
 from codra_dsl.worlds.store.geometry import Disc, Point
+from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M
 from codra_dsl.worlds.store.routes import clearances_m
 
 OBSTACLE_M = 0.3

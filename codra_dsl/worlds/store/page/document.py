@@ -9,10 +9,22 @@ from math import degrees
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from codra_dsl.worlds.store.body import BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M, FORK_WIDTH_M
 from codra_dsl.worlds.store.geometry import Box, Stand
 from codra_dsl.worlds.store.knowledge import named_stands
-from codra_dsl.worlds.store.layout import AREAS, CONTAINER_M, DEPTH_M, FIXED, LENGTH_M, PICKING_AREAS, Area
+from codra_dsl.worlds.store.layout import (
+    AREAS,
+    BODY_BACK_M,
+    BODY_FRONT_M,
+    BODY_WIDTH_M,
+    CONTAINER_M,
+    DEPTH_M,
+    FIXED,
+    FORK_TIP_M,
+    FORK_WIDTH_M,
+    LENGTH_M,
+    PICKING_AREAS,
+    Area,
+)
 from codra_dsl.worlds.store.people import PERSON_RADIUS_M
 from codra_dsl.worlds.store.state import Load
 

@@ -1,0 +1,75 @@
+"""How a tree of behaviours is ticked: what py_trees does, step by step, for whom nobody watches.
+
+py_trees hands each node that it ticks to visitors and writes texts for a debugger. An observer's tree has neither, and
+they are most of what a tick takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from py_trees.composites import Composite, Sequence
+
+
+def tick(node: Behaviour) -> None:
+    """Tick a tree once, as its `tick_once` does."""
+    if type(node).tick is leaf_tick:
+        _tick_leaf(node)
+    elif type(node) is Sequence and not node.memory:
+        _tick_sequence(node)
+    else:
+        node.tick_once()
+
+
+def leaf_tick(node: Behaviour) -> Iterator[Behaviour]:
+    """Tick a leaf: it is its `tick`."""
+    _tick_leaf(node)
+    yield node
+
+
+def leaf_stop(node: Behaviour, new_status: Status) -> None:
+    """Bring a leaf's round to its end: it is its `stop`."""
+    node.terminate(new_status)
+    node.status = new_status
+    node.iterator = node.tick()
+
+
+def _tick_leaf(leaf: Behaviour) -> None:
+    if leaf.status is not Status.RUNNING:
+        leaf.initialise()
+    status = leaf.update()
+    if status is not Status.RUNNING:
+        leaf.stop(status)
+    leaf.status = status
+
+
+def _tick_sequence(sequence: Sequence) -> None:
+    """Tick a sequence without memory: its children in order, up to the first that does not succeed."""
+    children = sequence.children
+    sequence.current_child = children[0] if children else None
+    if sequence.status is not Status.RUNNING:
+        _invalidate(children)
+        sequence.initialise()
+    for position, child in enumerate(children, start=1):
+        tick(child)
+        if child.status is not Status.SUCCESS:
+            _invalidate(children[position:])
+            _settle(sequence, child.status)
+            return
+        sequence.current_child = children[position] if position < len(children) else child
+    _settle(sequence, Status.SUCCESS)
+
+
+def _settle(sequence: Sequence, status: Status) -> None:
+    if status is Status.RUNNING:
+        sequence.status = status
+    else:
+        Composite.stop(sequence, status)
+
+
+def _invalidate(children: list[Behaviour]) -> None:
+    for child in children:
+        if child.status is not Status.INVALID:
+            child.stop(Status.INVALID)
