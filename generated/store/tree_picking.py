@@ -96,20 +96,29 @@ def fetch_tree() -> Node:
             ),
         ),
         Node(
-            "turn the fork towards it",
-            fallback(),
-            Node("Rotate", Leaf("Rotate", inputs={"angle_deg": "180"})),
-            Node(
-                "somewhere else, and come back the other way round",
-                sequence(),
-                Node("where there is more room", Leaf("MoveTo", inputs={"pose": Entry("second_observation_pose")})),
-                Node("before it", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
-            ),
+            "TurnRound",
+            Subtree(remapped={"second_observation_pose": "second_observation_pose", "fork_towards": "fork_towards"}),
+            turn_round_tree(),
         ),
         Node(
             "TakeUp",
             Subtree(remapped={"fork_towards": "fork_towards"}),
             take_up_tree(),
+        ),
+    )
+
+
+def turn_round_tree() -> Node:
+    """Return the tree TurnRound."""
+    return Node(
+        "turn the fork towards it",
+        fallback(),
+        Node("Rotate", Leaf("Rotate", inputs={"angle_deg": "180"})),
+        Node(
+            "elsewhere",
+            sequence(),
+            Node("where there is more room", Leaf("MoveTo", inputs={"pose": Entry("second_observation_pose")})),
+            Node("before it", Leaf("MoveTo", inputs={"pose": Entry("fork_towards")})),
         ),
     )
 
@@ -141,6 +150,7 @@ def take_up_tree() -> Node:
 TREES: Mapping[str, Callable[[], Node]] = {
     "PickUpManagement": pick_up_management_tree,
     "Fetch": fetch_tree,
+    "TurnRound": turn_round_tree,
     "TakeUp": take_up_tree,
 }
 

@@ -143,7 +143,7 @@ class _Shopping:
 
     def __call__(self, at_m: Point, blocked_m: Point | None) -> Plan:
         graph = _corridors() if blocked_m is None else _without(blocked_m)
-        node = min(graph, key=lambda each: (_distance_m(each, at_m), each))
+        node = min(graph, key=lambda each: (_is_beyond(at_m, blocked_m, each), _distance_m(each, at_m), each))
         yield _beside(node, at_m), 0.0
         while True:
             goal = (self._random.choice(CORRIDORS_X_M), self._random.choice((6.5, 8.5, 10.5)))
@@ -161,6 +161,14 @@ class _Shopping:
 def _without(blocked_m: Point) -> nx.Graph[Point]:
     graph = _corridors()
     return graph.subgraph([node for node in graph if _distance_m(node, blocked_m) > AVOID_M])
+
+
+def _is_beyond(at_m: Point, blocked_m: Point | None, node: Point) -> bool:
+    """Return whether one would have to go on past what is in the way, instead of turning round."""
+    if blocked_m is None:
+        return False
+    ahead = (blocked_m[0] - at_m[0], blocked_m[1] - at_m[1])
+    return ahead[0] * (node[0] - at_m[0]) + ahead[1] * (node[1] - at_m[1]) > 0.0
 
 
 def _beside(node: Point, at_m: Point) -> Point:

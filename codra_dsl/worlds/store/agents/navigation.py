@@ -117,7 +117,13 @@ class Navigation:
         self._go(obstacles(self._body, self._container_points()))
 
     def _draw_back(self, go_on: Callable[[], None]) -> None:
-        """Drive a little away from what is near, straight on or straight back, and go on from there."""
+        """Drive a little away from what is near, straight on or straight back, and go on from there.
+
+        Where it has bumped into something there is what its lasers do not see: it stays where it is.
+        """
+        if self._bumps:
+            go_on()
+            return
         self._draw(away(self._body, DRAW_BACK_M), go_on)
 
     def _return(self, go_on: Callable[[], None]) -> None:
