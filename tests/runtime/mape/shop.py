@@ -29,6 +29,7 @@ from codra_dsl.runtime.mape.declarations import (
 )
 from codra_dsl.runtime.mape.fuzzy.terms import ramp
 from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.mape.planning import Planners, Planning
 from codra_dsl.runtime.model import VariableModel, boolean, member, real
 from codra_dsl.runtime.trees import Conditions, Leaf, Node, Robot, Task, reactive_fallback
 
@@ -241,6 +242,7 @@ class Shop:
         clock: Clock | None = None,
         record: Record | None = None,
         robot: Robot | None = None,
+        planner: Planners = Planning,
     ) -> None:
         self.clock = SimClock() if clock is None else clock
         self.codra: ContextManager[str, str] = ContextManager(
@@ -254,7 +256,7 @@ class Shop:
             robot = Robot()
             for name in CHOICES:
                 robot.can(name, partial(Task, f"to_{name}", self.mission, self.codra.knowledge))
-        self.mape = Mape(self.codra, model, clock=self.clock, robot=robot)
+        self.mape = Mape(self.codra, model, clock=self.clock, robot=robot, planner=planner)
 
     def tell(
         self,

@@ -7,14 +7,18 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import pytest
 
 from codra_dsl.runtime import Kind, NotASourceError, UnknownNameError, WallClock
 from codra_dsl.runtime.conditions import choose, value
 from codra_dsl.runtime.knowledge import AgentTakenError, Stage
+from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import MapeModel, Repeat
 from codra_dsl.runtime.mape.filters import Because
+from codra_dsl.runtime.mape.keeping import Keeping
+from codra_dsl.runtime.mape.planning import Context, Plan, Planning
 from codra_dsl.runtime.trees import Action, Entry, Leaf, Node, Ports, Result, Robot, Switch, Task, TreeError
 from tests.runtime.mape.shop import CHOICES, COURSE, MAPE, MISSION, SPEED, UNFILTERED, Shop
 
@@ -47,6 +51,43 @@ def test_somebody_close_makes_it_abort_by_the_handshake_and_go_to_the_start() ->
     assert shop.stage("to_start") is Stage.WANTS
     (ended,) = shop.told("ended")
     assert (ended.details["branch"], ended.details["result"], ended.details["took_s"]) == ("deliver", "halted", 0.0)
+
+
+class Steadfast:
+    """Lets nothing but the first decision pass."""
+
+    def __init__(self, *told: Any) -> None:
+        self.planning = Planning(*told)
+        self.courses = self.planning.courses
+        self.decisions: dict[str, list[Decision]] = {name: [] for name in self.courses}
+
+    def standing(self, course: str) -> Standing:
+        return self.planning.standing(course)
+
+    def watches(self) -> tuple[str, ...]:
+        return self.planning.watches()
+
+    def plan(self, context: Context, now_s: float) -> Plan:
+        plan = self.planning.plan(context, now_s)
+        new = [each for each in plan.decisions if not self.decisions[each.course]]
+        passed = tuple(replace(each, because=Because.PLANNER) for each in new)
+        for each in passed:
+            self.decisions[each.course].append(each)
+        return replace(plan, decisions=passed)
+
+    def kept_by(self, decision: Decision) -> tuple[Keeping, ...]:
+        return self.planning.kept_by(decision)
+
+
+def test_a_planner_of_ones_own_decides_in_the_place_of_the_declared_one() -> None:
+    shop = Shop(planner=Steadfast)
+    shop.begin()
+    shop.pass_s(8.0, person=CLOSE_M)
+
+    assert shop.codra.get("course_now").value == "deliver"
+    assert shop.stage("to_deliver") is Stage.WANTS
+    assert [each.because for each in shop.mape.decisions("course")] == [Because.PLANNER]
+    assert "a planner that took the place of the spec's chose it" in str(shop.codra.why("course_now"))
 
 
 def test_metrics_and_weights_are_variables_that_only_the_analyst_may_write() -> None:
