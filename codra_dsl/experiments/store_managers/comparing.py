@@ -21,13 +21,11 @@ class Measure:
         name: as people read it.
         key: as data has it.
         of: takes it from what came of a run.
-        digits: to which it is rounded where it is shown.
     """
 
     name: str
     key: str
     of: Callable[[StoreOutcome], float]
-    digits: int = 2
 
 
 MEASURES = (

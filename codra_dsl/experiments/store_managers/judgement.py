@@ -15,6 +15,7 @@ from codra_dsl.experiments.store_managers.comparing import (
     MEASURES,
     QUANTILES,
     Compared,
+    Measure,
     Reactions,
     compared,
     reactions,
@@ -28,10 +29,10 @@ OURS = Ours().name
 NEVER = "never"
 
 _NOTE = (
-    "Runs of {:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted "
-    "from the state of the world. docs/explanation/store-experiment.md has all definitions, which were written down "
-    "before the first run. Means are over seeds; differences to ours are over the same seeds, with 95 % intervals by "
-    "the bootstrap. Marked differences have an interval without zero."
+    "Runs of {:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted from the "
+    "state of the world. docs/explanation/store-experiment.md has all definitions. Means are over seeds; differences "
+    "to ours are over the same seeds, with 95 % intervals by the bootstrap. Marked differences have an interval "
+    "without zero."
 )
 
 
@@ -114,7 +115,7 @@ def _searched_only(design: Design, searched: Sequence[Cell]) -> Document:
 def _summary(table: Sequence[Compared], answered: Sequence[Reactions]) -> Iterator[str]:
     """Say what was found of the four measures of the question, and of reactions, whatever it is."""
     for measure in MEASURES[:4]:
-        told = [each for each in table if each.measure is measure]
+        told = _of(table, measure)
         means = ", ".join(f"{each.manager} {_number(each.mean.value, 2)}" for each in told)
         sure = [each for each in told if each.difference is not None and _is_sure(each.difference)]
         less = ", ".join(f"{each.manager} {interval(each.difference, 2)}" for each in sure if each.difference)
@@ -133,29 +134,33 @@ def _is_sure(found: Estimate) -> bool:
 
 
 def _means(table: Sequence[Compared]) -> Table:
-    header = ("Manager", *(measure.name for measure in MEASURES))
-    rows = [(name, *(_plain(each.mean) for each in found)) for name, found in _by_manager(table).items()]
-    return plain_table("Mean of a run, with its interval.", header, rows)
+    rows = [(measure.name, *(_plain(each.mean) for each in _of(table, measure))) for measure in MEASURES]
+    header = ("Of a run", *dict.fromkeys(each.manager for each in table))
+    return plain_table("Means over seeds, with their intervals.", header, rows)
 
 
 def _differences(table: Sequence[Compared]) -> Table:
-    found = {name: each for name, each in _by_manager(table).items() if name != OURS}
-    told = [[one.difference for one in each if one.difference is not None] for each in found.values()]
+    told = {
+        measure.name: {each.manager: each.difference for each in _of(table, measure) if each.difference is not None}
+        for measure in MEASURES
+    }
     marked = frozenset(
-        (row, column) for row, each in enumerate(told) for column, one in enumerate(each, 1) if _is_sure(one)
+        (row, column)
+        for row, found in enumerate(told.values())
+        for column, one in enumerate(found.values(), 1)
+        if _is_sure(one)
     )
     return Table(
-        caption="Difference to ours, seed by seed: above zero, the manager has more of it than ours.",
-        header=("Manager", *(measure.name for measure in MEASURES)),
-        rows=[(name, *(interval(one, 2) for one in each)) for name, each in zip(found, told, strict=True)],
+        caption="Differences to ours, seed by seed: above zero, the manager has more of it than ours.",
+        header=("Of a run", *next(iter(told.values()))),
+        rows=[(name, *(interval(one, 2) for one in found.values())) for name, found in told.items()],
         marked=marked,
     )
 
 
-def _by_manager(table: Sequence[Compared]) -> Mapping[str, Sequence[Compared]]:
-    """Return the measures of each manager, in the order of `MEASURES`."""
-    names = dict.fromkeys(each.manager for each in table)
-    return {name: [each for each in table if each.manager == name] for name in names}
+def _of(table: Sequence[Compared], measure: Measure) -> Sequence[Compared]:
+    """Return a measure of all managers."""
+    return [each for each in table if each.measure is measure]
 
 
 def _reactions_table(answered: Sequence[Reactions]) -> Table:
