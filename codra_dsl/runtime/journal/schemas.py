@@ -359,9 +359,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
         variable=_field("string", "The variable that holds the course or parameter; left out if none does."),
         action=_field("string", "The action that is the course now; of a branch, the one whose branch it is."),
         before=_field("string", "The action that was left; left out if there was none."),
-        because=_field(
-            "string", "Why: first, leads, worse, hard_rule, nothing_known, planner; of a parameter changed."
-        ),
+        because=_field("string", "first, leads, worse, hard_rule, nothing_known or planner; of a parameter changed."),
         rule=_field("string", "The hard rule that decided, or what the parameter is to be, as the spec says it."),
         place=_field("string", "Where the spec says that."),
         value=_field("string", "Of the parameter, as JSON."),
