@@ -119,7 +119,7 @@ def _summary(table: Sequence[Compared], answered: Sequence[Reactions]) -> Iterat
         means = ", ".join(f"{each.manager} {_number(each.mean.value, 2)}" for each in told)
         sure = [each for each in told if each.difference is not None and _is_sure(each.difference)]
         less = ", ".join(f"{each.manager} {interval(each.difference, 2)}" for each in sure if each.difference)
-        yield f"{measure.name} of a run: {means}; surely different from ours: {less or 'none'}."
+        yield f"{measure.name} of a run: {means}; different from ours with an interval without zero: {less or 'none'}."
     of_all = [each for each in answered if each.cause is None]
     told_s = ", ".join(
         f"{each.manager} {' and '.join(_seconds(each.quantiles_s[q].value) for q in QUANTILES)} "

@@ -109,6 +109,7 @@ class _Overruled:
     def __init__(self, planning: Planning, overrule: Overrule) -> None:
         self._planning = planning
         self._overrule = overrule
+        self.model = planning.model
         self.courses: Mapping[str, CourseModel] = planning.courses
         self.decisions: Mapping[str, Sequence[Decision]] = {name: [] for name in planning.courses}
 

@@ -12,7 +12,7 @@ from codra_dsl.experiments.store_managers.managers import Tuned
 from codra_dsl.experiments.store_managers.thresholds import Thresholds
 from codra_dsl.experiments.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
 
-TUNING_SEEDS = (1, 2)
+TUNING_SEEDS = (1, 2, 3, 4, 5)
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)

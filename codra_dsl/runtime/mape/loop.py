@@ -337,7 +337,7 @@ class Loop:
         for written in plan.analysed:
             self._attempt(partial(self._pens.write, self._model.analyst, written, now_s))
         if plan.changed:
-            told = analysis_of(self._model, plan.assessment, plan.changed)
+            told = analysis_of(self.planning.model, plan.assessment, plan.changed)
             self._attempt(partial(self._tell, self._loop.name, "analysed", told))
         for decision in plan.decisions:
             self._attempt(partial(self._adapt, decision))

@@ -97,6 +97,11 @@ class Planner(Protocol):
     """What analyses and decides for one loop. `Planning` does as the spec says; another may take its place."""
 
     @property
+    def model(self) -> MapeModel:
+        """Return the model by whose stages it analyses."""
+        ...
+
+    @property
     def courses(self) -> Mapping[str, CourseModel]:
         """Return the courses that it decides on, by name."""
         ...
@@ -149,7 +154,7 @@ class Planning:
             loop: the one.
             types: of the context-variables.
         """
-        self._model = model
+        self.model = model
         self._loop = loop
         self._types = types
         self._rates = {each.variable: each for each in model.rates if each.variable in loop.rates}
@@ -177,7 +182,7 @@ class Planning:
     def kept_by(self, decision: Decision) -> tuple[Keeping, ...]:
         """Return what would have kept the course that a decision left."""
         course = self.courses[decision.course]
-        return keeping(self._model, course, decision, self._asked_by_rules(course))
+        return keeping(self.model, course, decision, self._asked_by_rules(course))
 
     def _asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
         """Return what the hard rules of a course read, as inputs."""
@@ -187,7 +192,7 @@ class Planning:
     def plan(self, context: Context, now_s: float) -> Plan:
         """Analyse what is known now, and decide."""
         scene = self._scene(context, now_s)
-        assessment = assess(self._model, scene)
+        assessment = assess(self.model, scene)
         decisions, due_s = self._decide(assessment, now_s)
         settings, later_s = self._set(assessment, now_s)
         return Plan(
@@ -202,10 +207,10 @@ class Planning:
     # What is read
 
     def _judged(self) -> set[str]:
-        return set() if self._model.metrics is None else {each.variable for each in self._model.metrics.outputs}
+        return set() if self.model.metrics is None else {each.variable for each in self.model.metrics.outputs}
 
     def _read(self) -> set[str]:
-        stages = [stage for stage in (self._model.metrics, self._model.actions) if stage is not None]
+        stages = [stage for stage in (self.model.metrics, self.model.actions) if stage is not None]
         names = {each.variable for stage in stages for each in stage.inputs}
         names |= {each.of for each in self._rates.values()}
         for course in self.courses.values():
@@ -252,7 +257,7 @@ class Planning:
     def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
         decisions, due_s = [], math.inf
         for name, course in self.courses.items():
-            standing, decision, later_s = choose(self._model, course, self._standing[name], assessment, now_s)
+            standing, decision, later_s = choose(self.model, course, self._standing[name], assessment, now_s)
             self._standing[name] = standing
             due_s = min(due_s, later_s)
             if decision is not None:
@@ -262,7 +267,7 @@ class Planning:
 
     def _set(self, assessment: Assessment, now_s: float) -> tuple[tuple[Setting, ...], float]:
         settings, due_s = [], math.inf
-        metrics = metrics_of(self._model, assessment)
+        metrics = metrics_of(self.model, assessment)
         for model in self._parameters:
             present = self._settings[model.name]
             value = model.value.evaluate(SceneScope(assessment.scene, now_s))
@@ -289,7 +294,7 @@ class Planning:
 
     def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
         """Return whether the value would stand if no metric had become worse since it was set."""
-        worse = worsened(self._model, metrics_of(self._model, assessment), present.metrics)
+        worse = worsened(self.model, metrics_of(self.model, assessment), present.metrics)
         if not worse:
             return False
         seen = {name: replace(assessment.scene[name], value=then) for name, then in worse.items()}

@@ -58,7 +58,7 @@ class Steadfast:
 
     def __init__(self, *told: Any) -> None:
         self.planning = Planning(*told)
-        self.courses = self.planning.courses
+        self.model, self.courses = self.planning.model, self.planning.courses
         self.decisions: dict[str, list[Decision]] = {name: [] for name in self.courses}
 
     def resume(self) -> None:
