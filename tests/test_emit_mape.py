@@ -191,7 +191,7 @@ def running() -> Iterator[tuple[Store, SimClock, Mape]]:
         "CloseOrder",
     ):
         robot.can(leaf, Busy)
-    for leaf in ("MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested"):
+    for leaf in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested"):
         robot.can(leaf, Busy)
     for leaf in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
         robot.can(leaf, Busy)
