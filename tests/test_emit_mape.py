@@ -103,6 +103,22 @@ def test_the_same_spec_compiles_to_the_same_bytes_and_one_without_loops_has_no_m
     assert not {path for path in first if path.startswith(("lab/", "kitchen/")) and "mape" in path}
 
 
+def test_members_that_are_no_names_in_python_are_compiled(tmp_path: Path) -> None:
+    """An enum's members are texts, such as `on-hold`."""
+    text = (ROOT / "tests/cases/invalid/loops-words.yaml").read_text("utf-8")
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    for old, new in (("any, ", ""), ("load is any", "load is full"), ("very:", "near:")):
+        text = text.replace(old, new)
+    (tmp_path / "truck.yaml").write_text(text)
+
+    files = compile_paths([tmp_path / "truck.yaml"], tmp_path).files
+
+    assert "on-hold" in files["truck/metric_engine.py"]
+    for path, content in files.items():
+        if path.endswith(".py"):
+            compile(content, path, "exec")
+
+
 def test_stages_name_the_inputs_outputs_and_rules_of_their_engines() -> None:
     for stage, engine in ((MAPE.metrics, metric_engine), (MAPE.actions, action_engine)):
         assert stage is not None

@@ -31,8 +31,10 @@ class Names:
         self._taken = set(_TAKEN | taken | set(keyword.kwlist) | set(dir(builtins)))
 
     def claim(self, wanted: str) -> str:
-        """Return a name that nobody has; other alphabets than ASCII are spelt out."""
-        name = "".join(letter if letter.isascii() else f"u{ord(letter):x}" for letter in wanted)
+        """Return a name that nobody has; what no name of ASCII has is spelt out."""
+        name = "".join(
+            letter if f"_{letter}".isidentifier() and letter.isascii() else f"u{ord(letter):x}" for letter in wanted
+        )
         while name in self._taken:
             name += "_"
         self._taken.add(name)

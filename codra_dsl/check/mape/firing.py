@@ -134,18 +134,25 @@ def _never_acting(
     section: str, output: Output, read: tuple[ReadRule, ...], scenes: list[Scene]
 ) -> Iterator[Diagnostic]:
     for number, each in enumerate(read):
-        if each.rule is not None and not any(acts(each.rule.antecedent, scene) for scene in scenes):
-            message = f"this rule of '{output.name}' never acts: nothing makes its condition hold"
-            path = f"{section}.{output.name}.rules.{number}"
-            way_out = "correct it, or remove it"
-            yield finding("idle-fuzzy-rule", message, each.phrase.place, path=path, way_out=way_out)
+        if each.rule is None:
+            continue
+        if each.rule.weight == 0.0:
+            reason = "its weight is 0"
+        elif not any(acts(each.rule.antecedent, scene) for scene in scenes):
+            reason = "nothing makes its condition hold"
+        else:
+            continue
+        message = f"this rule of '{output.name}' never acts: {reason}"
+        path = f"{section}.{output.name}.rules.{number}"
+        yield finding("idle-fuzzy-rule", message, each.phrase.place, path=path, way_out="correct it, or remove it")
 
 
 def _uncovered(section: str, output: Output, rules: list[Rule], scenes: list[Scene]) -> Iterator[Diagnostic]:
     silent = [
         scene
         for scene in scenes
-        if not any(cell.is_point for cell in scene.values()) and not any(acts(rule.antecedent, scene) for rule in rules)
+        if not any(cell.is_point for cell in scene.values())
+        and not any(rule.weight > 0.0 and acts(rule.antecedent, scene) for rule in rules)
     ]
     if silent:
         said = " and ".join(f"{name} is {cell.words}" for name, cell in silent[0].items())

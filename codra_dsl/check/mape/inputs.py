@@ -8,12 +8,15 @@ from codra_dsl.check.mape.book import defuzzifier_of, output_terms, range_of
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import Faults, Scope
 from codra_dsl.diagnostics import Diagnostic
-from codra_dsl.fuzzy.words import Shape
+from codra_dsl.fuzzy.model import Term
+from codra_dsl.fuzzy.words import KEYWORDS, Hedge, Shape
 from codra_dsl.load.mape import snake_case
 from codra_dsl.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
 from codra_dsl.units import ONE, UNITS, Unit, convert, parse_unit
 
 _NUMBERS = (Kind.INT, Kind.FLOAT)
+
+_OF_RULES = KEYWORDS | set(Hedge)
 
 
 def unfit_inputs(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
@@ -31,6 +34,18 @@ def unfit_inputs(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
             message = f"rules ask for context-variable '{name}', which states no range"
             way_out = "add 'range': while it is unknown, it counts as all of that"
             yield finding("unfit-input", message, asked.place, path=f"context.{name}", way_out=way_out)
+        if asked is not None and whole:
+            yield from _reserved_words(asked, scope.book.terms(asked))
+
+
+def _reserved_words(asked: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
+    """No term or member is called like a word of rules: `is any` would always hold."""
+    for term in terms:
+        if term.name in _OF_RULES:
+            key = "values" if asked.type.values else "terms"
+            message = f"rules ask for context-variable '{asked.name}', and '{term.name}' is a word of rules"
+            place, path = asked.places.get(key, asked.place), f"context.{asked.name}.{key}"
+            yield finding("unfit-input", message, place, path=path, way_out=f"call '{term.name}' something else")
 
 
 def unfit_outputs(scope: Scope, _: Faults) -> Iterator[Diagnostic]:

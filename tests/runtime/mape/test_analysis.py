@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.mape.analysis import MOST_BOXES, assess, infer
-from codra_dsl.runtime.mape.fuzzy.bounds import End
+from codra_dsl.runtime.mape.fuzzy.bounds import Bounds, End
 from codra_dsl.runtime.mape.observations import Observation
 from tests.runtime.mape.shop import ACTIONS_STAGE, LOADS, MAPE, METRICS, METRICS_STAGE, module_of, stage
 
@@ -107,6 +107,16 @@ def test_where_no_rule_may_act_the_metric_is_unknown(distance: float | None, is_
     gaps = stage(GAPS, {}, {})
     found = infer(gaps, scene(distance, 80.0, 0.5, "empty"))
     assert (found.value("safety") is not None) is is_known
+
+
+def test_an_unknown_input_that_can_be_one_number_only_counts_as_that() -> None:
+    """Also where perhaps no rule acts, so that boxes would be cut: there is nothing to cut."""
+    gaps = stage(GAPS, {}, {})
+    narrow = tuple(
+        replace(each, range=Bounds(3.5, 3.5)) if each.variable == "person_distance" else each for each in gaps.inputs
+    )
+    found = infer(replace(gaps, inputs=narrow), scene(None, 80.0, 0.5, "empty"))
+    assert found.value("safety") is None
 
 
 def test_an_unknown_metric_leaves_open_what_depends_on_it_and_nothing_else() -> None:

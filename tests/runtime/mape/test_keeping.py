@@ -56,6 +56,27 @@ def test_of_a_hard_rule_its_condition_is_what_would_have_to_be_otherwise() -> No
     assert (changes[Changed.INPUT].name, changes[Changed.INPUT].other) == ("bumped", False)
 
 
+def test_actions_that_the_course_does_not_choose_from_are_no_rivals() -> None:
+    """The battery is empty, so dock weighs most; a course without it asks about start only."""
+    course = replace(UNFILTERED, choose=("deliver", "start"))
+    decision = decided("deliver", 1.0, 80.0, 0.5, "empty", False)
+    assert decision is not None
+    actions = decision.assessment.actions
+    heavy = tuple(replace(each, value=1.0) if each.name == "dock" else each for each in actions.outputs)
+    assessment = replace(decision.assessment, actions=replace(actions, outputs=heavy))
+    kept = keeping(MAPE, course, replace(decision, assessment=assessment))
+    (weight,) = [each for each in kept if each.kind is Changed.WEIGHT]
+    assert weight.share < 0.5
+
+
+def test_where_what_was_known_would_have_kept_the_course_no_change_is_told() -> None:
+    """A smoothed weight led as long as was to be held, and what is said now has turned already."""
+    decision = decided("deliver", 1.0, 80.0, 0.5, "empty", False)
+    assert decision is not None
+    calm = assess(MAPE, scene(6.0, 80.0, 0.5, "empty", False))
+    assert keeping(MAPE, UNFILTERED, replace(decision, assessment=calm), (BUMPED,)) == ()
+
+
 def test_where_no_single_change_helps_none_is_told() -> None:
     assert found("deliver", 1.0, 3.0, 0.5, "full", True) == {}
 
