@@ -227,11 +227,11 @@ def test_a_port_that_is_taken_is_told(run: Run, tmp_path: Path) -> None:
 
 
 def test_a_run_in_the_store_prints_what_came_of_it(tmp_path: Path) -> None:
-    situation = ("--situation", "hidden", "--seed", "3", "--for", "170 s")
+    situation = ("--situation", "hidden", "--seed", "6", "--for", "200 s")
     done = codra("run", STORE, "--world", "store", *situation, cwd=tmp_path)
 
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("170.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
+    assert done.stdout.startswith("200.0 s\norders              1 done\nmissions completed  1 (delivery)\n")
     assert list(tmp_path.iterdir()) == []
 
 

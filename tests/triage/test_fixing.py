@@ -202,7 +202,7 @@ def test_templates_arguments_and_parameters_are_put_right(right: str, wrong: str
 # For every file: it ends, it leaves the rest, it brings no error
 
 
-@pytest.mark.parametrize("path", [*INVALID, *VALID], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [*INVALID, *VALID], ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_fixing_again_changes_nothing_and_no_error_is_new(path: Path) -> None:
     data = path.read_bytes()
 
