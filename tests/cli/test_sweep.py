@@ -154,6 +154,16 @@ def test_in_the_store_an_empty_battery_sends_the_truck_to_its_dock(store: Subjec
     assert_explained(found)
 
 
+def test_however_few_values_are_asked_for_a_hard_rule_explains_only_a_switch_at_its_limit(store: Subject) -> None:
+    few, many = (
+        of_store(store, "battery_level", steps, loaded="false", person_distance="6").switches[0] for steps in (3, 101)
+    )
+
+    assert float(few.high) > 10.0
+    assert few.high == pytest.approx(many.high)
+    assert [rule.text for rule in few.rules] == [rule.text for rule in many.rules]
+
+
 @pytest.mark.parametrize("order_open", ["false", "true"])
 def test_in_the_store_a_full_container_is_delivered(store: Subject, order_open: str) -> None:
     found = of_store(store, "container_load", 1, loaded="true", order_open=order_open)

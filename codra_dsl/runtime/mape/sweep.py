@@ -220,7 +220,7 @@ class _Asked:
             high=high.value,
             before=low.action,
             after=high.action,
-            rules=tuple(self._shifts(one, other, {low.action, high.action})),
+            rules=tuple(self._hard(low, high) if low.rule != high.rule else self._fuzzy(one, other, low, high)),
         )
 
     def _narrowed(self, one: Row, other: Row) -> tuple[Row, Row]:
@@ -236,16 +236,17 @@ class _Asked:
                 other = middle
         return one, other
 
-    def _shifts(self, one: Row, other: Row, actions: set[str]) -> Iterator[Shift]:
-        """Yield what differs: a hard rule, or the rule of each stage whose strength differs most."""
-        if one.rule != other.rule:
-            text, is_after = (other.rule, True) if other.rule else (one.rule, False)
-            always = () if self.course is None else self.course.always
-            place = next(rule.place for rule in always if rule.text == text)
-            yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
-            return
+    def _hard(self, low: Row, high: Row) -> Iterator[Shift]:
+        """Yield the hard rule that holds on one side of the switch alone."""
+        text, is_after = (high.rule, True) if high.rule else (low.rule, False)
+        always = () if self.course is None else self.course.always
+        place = next(rule.place for rule in always if rule.text == text)
+        yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
+
+    def _fuzzy(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
+        """Yield the rule of each stage whose strength differs most between two rows, which show it more clearly."""
         before, after = self.assessed(one.value), self.assessed(other.value)
-        yield from _largest(before.actions.rules, after.actions.rules, actions)
+        yield from _largest(before.actions.rules, after.actions.rules, {low.action, high.action})
         yield from _largest(before.metrics.rules, after.metrics.rules, {each.name for each in before.metrics.outputs})
 
 
