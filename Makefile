@@ -27,8 +27,9 @@ try:
 except ImportError:
     sys.exit(1)
 drawing = loads("libglib-2.0.so.0", "libgobject-2.0.so.0", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
+clicking = loads("libatomic.so.1") and shutil.which("chromium")
 rendering = loads("libOSMesa.so.8") or loads("libEGL.so.1", "libOpenGL.so.0")
-sys.exit(not (drawing and rendering and shutil.which("chromium")))
+sys.exit(not (drawing and rendering and clicking))
 endef
 export PROBE
 
