@@ -106,7 +106,7 @@ def test_why_of_a_course_tells_what_was_known_what_it_came_to_and_what_would_hav
     told = str(shop.codra.why("course_now", at_s=15.0))
     for part in (
         "start was chosen at 13.959 s, in the place of deliver: it weighed more for as long as is to be held",
-        "weight of start: 0.78331",
+        ", smoothed 0.708379, leading since 12.959 s",
         "if safety is medium then start is high: acts with 1  [specs/shop.yaml:3]",
         "metric safety: 0.5",
         "person_distance was 1, from evidence taken at 13.5 s (close 1)",
@@ -114,6 +114,9 @@ def test_why_of_a_course_tells_what_was_known_what_it_came_to_and_what_would_hav
         "deliver would have been kept by person_distance = 1.89934 instead of 1",
     ):
         assert part in told
+    weight = re.search(r"weight of start: (0\.\d+), smoothed 0\.708379, leading", told)
+    assert weight
+    assert float(weight[1]) == pytest.approx(0.7833125, abs=1e-6)  # which six digits say either way
 
 
 def test_why_of_a_metric_and_of_a_weight_tells_the_readings_the_rules_and_their_strengths() -> None:
