@@ -152,9 +152,12 @@ def _run_in_lab(
     journal: Path | None,
     color: Colour,
 ) -> None:
+    from codra_dsl.experiments.interrupts import interrupts_held_back
+
     try:
-        from codra_dsl.experiments import lab, pacing
-        from codra_dsl.experiments.arms import NAIVE
+        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+            from codra_dsl.experiments import lab, pacing
+            from codra_dsl.experiments.arms import NAIVE
     except ModuleNotFoundError as error:
         say(f"codra: 'run' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
         raise typer.Exit(ExitCode.FAILED) from error

@@ -55,9 +55,12 @@ class StoreOptions:
 
 def run_in_store(spec: Path, options: StoreOptions, color: Colour) -> None:
     """Compile a spec, let the shop open with it, and print what came of the run."""
+    from codra_dsl.experiments.interrupts import interrupts_held_back
+
     try:
-        settings = _settings(options)
-        from codra_dsl.experiments.loading import load_emitted
+        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+            settings = _settings(options)
+            from codra_dsl.experiments.loading import load_emitted
     except ModuleNotFoundError as error:
         say(f"codra: 'run --page' needs {error.name}: pip install 'codra-dsl[store]'")
         raise typer.Exit(ExitCode.FAILED) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -50,8 +51,18 @@ _OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
 }
 
 
+_PARSING = threading.RLock()
+
+
 class TermTextError(ValueError):
     """A text builds no condition."""
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> ast.expr:
+    # before 3.11.8 and 3.12.2, Python counts the depth of all trees that threads are building in one place
+    with _PARSING:
+        return ast.parse(text, mode="eval").body
 
 
 @lru_cache(maxsize=4096)
@@ -62,7 +73,7 @@ def term_of(text: str) -> Term:
         TermTextError: if it is none.
     """
     try:
-        built = _built(ast.parse(text, mode="eval").body)
+        built = _built(_parsed(text))
     except TermTextError:
         raise
     except Exception as error:
@@ -118,12 +129,12 @@ def spoken(text: str) -> str:
         TermTextError: if it is none.
     """
     term_of(text)
-    return _spoken(ast.parse(text, mode="eval").body)
+    return _spoken(_parsed(text))
 
 
 def literals_of(text: str) -> tuple[Value, ...]:
     """Return the constants in the text of a condition, names of variables among them."""
-    constants = (node.value for node in ast.walk(ast.parse(text, mode="eval")) if isinstance(node, ast.Constant))
+    constants = (node.value for node in ast.walk(_parsed(text)) if isinstance(node, ast.Constant))
     return tuple(constant for constant in constants if isinstance(constant, (bool, int, float, str)))
 
 

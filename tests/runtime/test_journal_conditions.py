@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import gc
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -81,3 +86,42 @@ def test_what_is_no_condition_is_refused_and_not_run(text: str) -> None:
 )
 def test_a_condition_is_said_as_a_spec_would(term: Term, said: str) -> None:
     assert spoken(repr(term)) == said.replace("literal", "2")
+
+
+class Cycle:
+    """Is freed by the collector alone, which then runs Python code in the middle of anything."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+    def __del__(self) -> None:
+        for _ in range(20):
+            pass
+
+
+@pytest.fixture
+def threads_that_change_places_all_the_time() -> Iterator[None]:
+    interval_s, thresholds = sys.getswitchinterval(), gc.get_threshold()
+    sys.setswitchinterval(1e-6)
+    gc.set_threshold(40)
+    yield
+    sys.setswitchinterval(interval_s)
+    gc.set_threshold(*thresholds)
+
+
+@pytest.mark.usefixtures("threads_that_change_places_all_the_time")
+def test_threads_read_conditions_at_once() -> None:
+    def said_by(thread: int) -> list[str]:
+        texts = []
+        for number in range(60):
+            _ = [Cycle() for _ in range(30)]
+            texts.append(spoken(" & ".join(f"(value('v{thread}_{number}') > {each}.5)" for each in range(30))))
+        return texts
+
+    with ThreadPoolExecutor(6) as threads:
+        said = [text for texts in threads.map(said_by, range(6)) for text in texts]
+    assert said == [
+        " and ".join(f"v{thread}_{number} > {each}.5" for each in range(30))
+        for thread in range(6)
+        for number in range(60)
+    ]

@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Protocol
 import cv2
 import mujoco
 import numpy as np
+from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from codra_dsl.worlds.lab import gl
@@ -272,7 +273,7 @@ class _Optics:
 
     def __init__(self, world: LabWorld) -> None:
         self._world = world
-        bank = np.random.default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
+        bank = default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
         noise = np.round(bank)
         self._brighter, self._darker = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
         self._mounting = _mounting_error(world.seed)

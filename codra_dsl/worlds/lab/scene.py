@@ -11,6 +11,7 @@ from math import atan, degrees, sqrt
 import cv2
 import mujoco
 import numpy as np
+from numpy.random import default_rng
 from numpy.typing import NDArray
 
 from codra_dsl.worlds.lab.laboratory import LABORATORY, Laboratory, PersonBefore
@@ -111,7 +112,7 @@ def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
 
 def _floor_picture() -> NDArray[np.uint8]:
     """Return speckled tiles of 0.6 m with dark joints, so that even a view of the floor has edges."""
-    random = np.random.default_rng(1)
+    random = default_rng(1)
     speckles = cv2.GaussianBlur(random.normal(150.0, 60.0, (512, 512)), (0, 0), 1.6)
     tile: NDArray[np.uint8] = np.clip(150.0 + 2.2 * (speckles - 150.0), 90.0, 205.0).astype(np.uint8)
     tile[:6, :] = 70
@@ -121,7 +122,7 @@ def _floor_picture() -> NDArray[np.uint8]:
 
 def _wall_picture() -> NDArray[np.uint8]:
     """Return a wall with cupboards, notices and sockets: rectangles of many greys, none of them a tag."""
-    random = np.random.default_rng(2)
+    random = default_rng(2)
     wall = np.full((512, 1024), 190, dtype=np.uint8)
     for _ in range(70):
         x, y = int(random.integers(0, 980)), int(random.integers(0, 470))
