@@ -71,6 +71,13 @@ def shortest_cycle(needs: Needs) -> tuple[str, ...]:
     return _from_least(best)
 
 
+def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
+    """Return a shortest cycle through a name as a path that begins with it, or () where there is none."""
+    if name not in closure(needs, needs.get(name, ())):
+        return ()
+    return _cycle_through(name, _directed(needs), shorter_than=0)[0]
+
+
 def _directed(needs: Needs) -> nx.DiGraph[str]:
     """Return the graph with an edge from each name to each name that it needs."""
     import networkx as nx  # noqa: PLC0415

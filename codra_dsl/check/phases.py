@@ -22,6 +22,7 @@ from codra_dsl.check.knowledge.posed import POSED, python_of_poses
 from codra_dsl.check.knowledge.triplets import TRIPLETS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.mape.branches import BRANCHES, TREE_FILES
+from codra_dsl.check.mape.feedback import FED_BACK, SELF_DEFEATING
 from codra_dsl.check.mape.firing import FIRING
 from codra_dsl.check.mape.inputs import LOOP_TYPES
 from codra_dsl.check.mape.lowered import checked_mape
@@ -49,8 +50,8 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
     (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
     (*SOURCES, *OWNERS),
     (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
-    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES),
-    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *FIRING, *LOOP_LEFTOVERS),
+    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *FIRING, *LOOP_LEFTOVERS, *FED_BACK),
 )
 """The rules of each phase."""
 

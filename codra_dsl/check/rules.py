@@ -69,6 +69,7 @@ RULES = rules(
     ("CDR5131", "unmatched-branch", _ERROR),
     ("CDR5132", "leaf-without-executor", _ERROR),
     ("CDR5133", "two-loops", _ERROR),
+    ("CDR5134", "self-defeating-adaptation", _ERROR),
     ("CDR7101", "unnoticed-precondition", _ERROR),
     ("CDR7102", "unreached-variable", _WARNING),
     ("CDR7103", "decision-without-observer", _WARNING),
@@ -92,6 +93,7 @@ RULES = rules(
     ("CDR7124", "contradictory-fuzzy-rule", _WARNING),
     ("CDR7125", "unread-output", _WARNING),
     ("CDR7126", "part-without-loop", _WARNING),
+    ("CDR7127", "adaptation-feedback", _WARNING),
     # CDR8101 to CDR8105 had meanings, and no code is ever used again
 )
 """All rules by name."""
