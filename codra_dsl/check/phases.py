@@ -19,6 +19,7 @@ from codra_dsl.check.knowledge.lowered import checked_knowledge
 from codra_dsl.check.knowledge.names import KNOWLEDGE_NAMES
 from codra_dsl.check.knowledge.owners import OWNERS
 from codra_dsl.check.knowledge.posed import POSED, python_of_poses
+from codra_dsl.check.knowledge.stale import TRUSTED_POSES
 from codra_dsl.check.knowledge.triplets import TRIPLETS
 from codra_dsl.check.lowering import python_text
 from codra_dsl.check.mape.branches import BRANCHES, TREE_FILES
@@ -51,7 +52,7 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
     (*SOURCES, *OWNERS),
     (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
     (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
-    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *FIRING, *LOOP_LEFTOVERS, *FED_BACK),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK),
 )
 """The rules of each phase."""
 

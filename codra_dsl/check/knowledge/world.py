@@ -183,6 +183,19 @@ class World:
         first, second = self.climb(one)[0], self.climb(other)[0]
         return any(self.may_be(each, another) for each in first for another in second)
 
+    def between(self, one: str, other: str) -> tuple[str, ...]:
+        """Return the edges with poses that tell where two nodes stand to each other.
+
+        An edge of what both may stand in is left out: it moves them together.
+        """
+        ways = (self.climb(one), self.climb(other))
+        found: set[str] = set()
+        for (mine, edges), (theirs, _) in (ways, ways[::-1]):
+            alone = [term for term in mine if not any(self.may_be(term, each) for each in theirs)]
+            ends = {name: [self.end(each.name) for each in self.edges[name].targets] for name in edges}
+            found |= {name for name in edges if any(self.fits(term, end) for term in alone for end in ends[name])}
+        return tuple(name for name in self.edges if name in found)
+
     def _term(self, name: str) -> NodeTerm:
         """Return what a name at an end of an edge means, as patterns say it."""
         is_node = self.end(name).is_node
