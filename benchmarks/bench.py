@@ -17,7 +17,7 @@ import fuzzy
 import isolation
 import knowledge
 import running
-from rows import Row
+from rows import PeerMissingError, Row
 
 GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
     "adapting": adapting.rows,
@@ -31,16 +31,25 @@ GROUPS: Mapping[str, Callable[[Path], Iterator[Row]]] = {
 
 RESULTS = Path(__file__).with_name("results.json")
 
+LACKING = 2
+"""The exit code when a group was asked for that does not exist, or whose peer is not installed."""
 
-def main() -> None:
-    """Measure the groups that were asked for, all by default, and keep the rows of the others."""
+
+def main() -> int:
+    """Measure the groups that were asked for, all by default, and keep the rows of the others; return the exit code."""
     wanted = sys.argv[1:] or list(GROUPS)
     unknown = [group for group in wanted if group not in GROUPS]
     if unknown:
-        sys.exit(f"no rows {unknown[0]!r}: there are {', '.join(GROUPS)}")
-    kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
+        print(f"no rows {unknown[0]!r}: there are {', '.join(GROUPS)}", file=sys.stderr)
+        return LACKING
     print(f"{'row':24} {'ours':>10} {'peer':>10} {'ratio':>8} {'target':>8}")
-    for group in wanted:
+    return max([_measure(group) for group in wanted])
+
+
+def _measure(group: str) -> int:
+    """Measure a group and store its rows; tell on one line where its peer is not installed."""
+    kept = {row["name"]: row for row in json.loads(RESULTS.read_text("utf-8"))} if RESULTS.exists() else {}
+    try:
         with tempfile.TemporaryDirectory(prefix="codra-bench-") as scratch:
             for row in GROUPS[group](Path(scratch)):
                 kept[row.name] = row.record()
@@ -49,7 +58,11 @@ def main() -> None:
                 print(told, flush=True)
                 lines = ",\n".join(map(json.dumps, kept.values()))
                 RESULTS.write_text(f"[\n{lines}\n]\n", "utf-8")
+    except PeerMissingError as missing:
+        print(f"{group}: {missing}", file=sys.stderr, flush=True)
+        return LACKING
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -8,8 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
+from rows import PeerMissingError
+
 ROOT = Path(__file__).parents[1]
-PROGRAM = (ROOT / ".venv-fuzzylite" / "bin" / "python", Path(__file__).with_name("fuzzylite_peer.py"))
+ENVIRONMENT = ROOT / ".venv-fuzzylite"
+READY = ENVIRONMENT / ".ready"
+PROGRAM = (ENVIRONMENT / "bin" / "python", Path(__file__).with_name("fuzzylite_peer.py"))
 
 
 class FuzzyLite:
@@ -26,7 +30,12 @@ class FuzzyLite:
             engines: files in FLL.
             names: of the inputs that are no outputs of the first engine.
             rows: the values of the inputs, in the order of names.
+
+        Raises:
+            PeerMissingError: if FuzzyLite's environment has not been made.
         """
+        if not READY.exists():
+            raise PeerMissingError(f"FuzzyLite is not there: `make {READY.relative_to(ROOT)}` installs it")
         self._process = subprocess.Popen(PROGRAM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         task = {"engines": list(map(str, engines)), "names": list(names), "rows": [list(row) for row in rows]}
         self.weights: list[list[float]] = json.loads(self._ask(json.dumps(task)))

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
+class PeerMissingError(Exception):
+    """A peer is not installed; says which, and what installs it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
     """One measurement, both sides taken in the same run and in the same unit: seconds or bytes."""
