@@ -9,13 +9,12 @@ from codra_dsl.experiments.beyond.standing import (
     IN_VIEW,
     LIDS_AND_LATCHES,
     Standing,
-    reported_seeds,
     runs_sentence,
     standings,
     standings_as_data,
     standings_tables,
 )
-from codra_dsl.experiments.beyond.works import BOTH_AND_BACK
+from codra_dsl.experiments.beyond.works import both_and_back
 from codra_dsl.experiments.document import Document, Section, Words
 from codra_dsl.experiments.edits import Without
 from codra_dsl.experiments.experiment import Experiment, Settings
@@ -75,11 +74,7 @@ def arms(settings: Settings) -> tuple[Arm, ...]:
 
 def trials(settings: Settings) -> Sequence[Trial]:
     """Return one run a seed, with all arms in it."""
-    compared = arms(settings)
-    return [
-        Trial(name=f"run-{seed}", spec=settings.spec, seed=seed, arms=compared, work=BOTH_AND_BACK)
-        for seed in reported_seeds(settings)
-    ]
+    return both_and_back(settings, arms(settings))
 
 
 def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:

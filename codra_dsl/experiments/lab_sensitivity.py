@@ -12,6 +12,7 @@ from codra_dsl.experiments.beyond.parameters import Parameter, parameters
 from codra_dsl.experiments.beyond.standing import (
     LIDS_AND_LATCHES,
     Standing,
+    ratios,
     reported_seeds,
     runs_sentence,
     standing,
@@ -22,7 +23,7 @@ from codra_dsl.experiments.document import Document, Drawing, Section, Table, Wo
 from codra_dsl.experiments.edits import Edit
 from codra_dsl.experiments.experiment import Experiment, Settings
 from codra_dsl.experiments.outcomes import Outcome
-from codra_dsl.experiments.robustness.cells import interval, plain_table, ratio
+from codra_dsl.experiments.robustness.cells import interval, plain_table
 from codra_dsl.experiments.robustness.findings import vision_algorithms
 from codra_dsl.experiments.spec_run import loaded
 from codra_dsl.experiments.statistics import Estimate
@@ -253,7 +254,7 @@ _HEADER = ("", "arm", "ratio", "strict ratio", "ratio, less naive", "strict, les
 def _laboratory_table(found: _Found) -> Table:
     both = (NAIVE.name, PRECONDITIONS.name)
     rows = [
-        (name, *_cells(one))
+        (name, *ratios(one), one.answers.wrong)
         for name in found.by_name
         for one in (found.of(name, arm) for arm in both)
         if one is not None
@@ -262,19 +263,8 @@ def _laboratory_table(found: _Found) -> Table:
 
 
 def _number_table(found: _Found) -> Table:
-    rows = [("as it is", *_cells(one)) for one in found.by_name[_AS_IT_IS]]
+    rows = [("as it is", *ratios(one), one.answers.wrong) for one in found.by_name[_AS_IT_IS]]
     return plain_table("Lids and latches with other numbers in the spec, over all runs.", _HEADER, rows)
-
-
-def _cells(one: Standing) -> Sequence[str | float | int | None]:
-    return (
-        one.arm,
-        ratio(one.seconds.paper),
-        ratio(one.seconds.strict),
-        None if one.paper_difference is None else interval(one.paper_difference),
-        None if one.strict_difference is None else interval(one.strict_difference),
-        one.answers.wrong,
-    )
 
 
 EXPERIMENT = Experiment(

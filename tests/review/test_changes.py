@@ -13,6 +13,7 @@ from codra_dsl.emit import emit
 from codra_dsl.review import Broken, Category, Level, Review, Verdict, Version, review
 from codra_dsl.review.variables import enum_types
 from codra_dsl.review.version import Side
+from tests.review.versions import planned, reviewed
 
 ROOT = Path(__file__).parents[2]
 BASE = """\
@@ -80,20 +81,6 @@ observers:
 """
 
 
-def planned(text: str) -> Version:
-    found = plan_text(text, "oven.yaml", ROOT / "tests")
-    assert not has_errors(found.diagnostics), found.diagnostics
-    return Version(plans=found.plans)
-
-
-def edited(*edits: tuple[str, str]) -> Review:
-    text = BASE
-    for old, new in edits:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    return review(planned(BASE), planned(text))
-
-
 def told(found: Review) -> list[str]:
     return sorted(f"{change.category} {change.element}" for change in found.changes)
 
@@ -153,12 +140,12 @@ def test_each_key_is_told_as_what_it_does_to_a_robot(old: str, new: str, expecte
     if expected is None:  # what identifies it has no unit: B is no spec that can be planned
         assert has_errors(plan_text(BASE.replace(old, new), "oven.yaml", ROOT / "tests").diagnostics)
     else:
-        assert told(edited((old, new))) == sorted(expected)
+        assert told(reviewed(BASE, (old, new))) == sorted(expected)
 
 
 def test_an_observer_is_not_told_of_where_its_algorithm_is() -> None:
     """Its name follows from the algorithm's."""
-    found = edited(("  watch:\n", "  look:\n"))
+    found = reviewed(BASE, ("  watch:\n", "  look:\n"))
 
     assert told(found) == ["renamed oven/perception/look"]
 
@@ -168,8 +155,8 @@ def test_algorithms_that_take_the_place_of_others_are_held_to_the_same_guard() -
     guard = ('mode in ("grill", "bake")', "known(mode)")
 
     replaced = ["perceived-otherwise oven/context/crust", "renamed oven/observer/taste"]
-    assert told(edited(other)) == replaced
-    assert told(edited(other, guard)) == [*replaced, "weaker oven/perception/taste"]
+    assert told(reviewed(BASE, other)) == replaced
+    assert told(reviewed(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
 
 
 def test_an_alternative_that_goes_first_changes_what_is_perceived() -> None:
@@ -178,7 +165,7 @@ def test_an_alternative_that_goes_first_changes_what_is_perceived() -> None:
         "      dial: {type: enum, values: [off, grill, bake]}\n    identifies:\n      mode: dial\n"
     )
 
-    assert "perceived-otherwise oven/context/mode" in told(edited(("  smell:\n", f"{new}  smell:\n")))
+    assert "perceived-otherwise oven/context/mode" in told(reviewed(BASE, ("  smell:\n", f"{new}  smell:\n")))
 
 
 def test_the_name_that_the_package_gives_to_an_enum_is_told_when_it_goes() -> None:
@@ -187,7 +174,7 @@ def test_the_name_that_the_package_gives_to_an_enum_is_told_when_it_goes() -> No
         "  wish: {type: enum, values: [off, grill, bake], source: main_execution}\n",
     )
 
-    assert told(edited((head + rest, rest + head))) == ["api oven/context/mode"]
+    assert told(reviewed(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
 
 
 @pytest.mark.parametrize("name", ["lab", "kitchen"])
@@ -214,7 +201,8 @@ def test_a_spec_under_a_new_name_is_recognised_in_the_message() -> None:
 
 
 def test_a_renamed_variable_is_recognised_by_its_algorithm() -> None:
-    found = edited(
+    found = reviewed(
+        BASE,
         ("  crust: {", "  browning: {"),
         ("      crust: burnt", "      browning: burnt"),
         ("wish, crust]", "wish, browning]"),
@@ -256,9 +244,9 @@ def test_a_comparison_turned_around_turns_its_words_around() -> None:
 
 def broken(name: str | None, code: str = "CDR4101") -> Broken:
     rule = Rule(code=code, name="x", severity=Severity.ERROR)
-    place = Place(Span("oven.yaml", 3, 1, 3, 2))
+    place = Place(Span("spec.yaml", 3, 1, 3, 2))
     found = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
-    return Broken(name=name, file="oven.yaml", errors=(found,))
+    return Broken(name=name, file="spec.yaml", errors=(found,))
 
 
 @pytest.mark.parametrize(
@@ -267,7 +255,7 @@ def broken(name: str | None, code: str = "CDR4101") -> Broken:
         (planned(BASE), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
         (planned(BASE), Version(broken=(broken("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
         (planned(BASE), Version(broken=(broken("oven", "CDR5102"),)), ["unobservable oven/perception/feel"]),
-        (planned(BASE), Version(broken=(broken(None),)), ["invalid oven.yaml/perception/feel"]),
+        (planned(BASE), Version(broken=(broken(None),)), ["invalid spec.yaml/perception/feel"]),
         (planned(BASE), Version(broken=(broken("pan"),)), ["invalid pan/perception/feel", "removed oven"]),
         (Version(broken=(broken("oven"),)), planned(BASE), ["repaired oven"]),
         (Version(broken=(broken(None),)), planned(BASE), ["repaired oven"]),

@@ -9,23 +9,10 @@ import pytest
 from codra_dsl.compiler import plan_text
 from codra_dsl.diagnostics import has_errors
 from codra_dsl.review import Broken, Level, Review, Version, review
+from tests.review.versions import planned, reviewed
 
 ROOT = Path(__file__).parents[2]
 BASE = (ROOT / "tests/cases/valid/knowledge.yaml").read_text("utf-8")
-
-
-def version(text: str) -> Version:
-    found = plan_text(text, "shop.yaml", ROOT / "tests")
-    assert not has_errors(found.diagnostics), found.diagnostics
-    return Version(plans=found.plans)
-
-
-def edited(*edits: tuple[str, str]) -> Review:
-    text = BASE
-    for old, new in edits:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    return review(version(BASE), version(text))
 
 
 def told(found: Review) -> list[str]:
@@ -147,27 +134,27 @@ EDITS = [
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
 def test_an_edit_gives_exactly_the_changes_that_it_must(old: str, new: str, expected: list[str]) -> None:
-    assert told(edited((old, new))) == expected
+    assert told(reviewed(BASE, (old, new))) == expected
 
 
 def test_equal_specs_have_no_difference() -> None:
-    assert told(edited()) == []
+    assert told(reviewed(BASE)) == []
 
 
 def test_a_rule_that_goes_and_one_that_comes_are_told_by_name() -> None:
-    found = edited(("      lift:\n", "      raise_it:\n"))
+    found = reviewed(BASE, ("      lift:\n", "      raise_it:\n"))
 
     assert told(found) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
 
 
 def test_where_nodes_are_named_a_variable_that_moves_is_another() -> None:
-    found = edited(("container_load: {of: robot", "container_load: {of: battery"))
+    found = reviewed(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
 
     assert told(found) == ["api context/container_load of"]
 
 
 def test_who_owns_a_variable_by_its_own_word_is_told() -> None:
-    found = edited(("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
+    found = reviewed(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
 
     assert told(found) == ["widened context/container_load owns"]
 
@@ -176,22 +163,22 @@ def test_a_spec_that_comes_to_know_something_has_gained_it() -> None:
     plain = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     knowing = plain + "knowledge: {nodes: {room: room}}\n"
 
-    assert told(review(version(plain), version(knowing))) == ["added plain/node/room "]
-    assert told(review(version(knowing), version(plain))) == ["removed plain/node/room "]
+    assert told(review(planned(plain), planned(knowing))) == ["added plain/node/room "]
+    assert told(review(planned(knowing), planned(plain))) == ["removed plain/node/room "]
 
 
 def test_an_error_in_knowledge_is_told_with_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
-    findings = plan_text(text, "shop.yaml", ROOT / "tests").diagnostics
-    broken = Broken(name="picking_up", file="shop.yaml", errors=tuple(each for each in findings if has_errors([each])))
+    findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
+    broken = Broken(name="picking_up", file="spec.yaml", errors=tuple(each for each in findings if has_errors([each])))
 
-    found = review(version(BASE), Version(broken=(broken,)))
+    found = review(planned(BASE), Version(broken=(broken,)))
 
     assert told(found) == ["invalid task/detecting "]
 
 
 def test_a_change_stands_where_it_was_made() -> None:
-    (change,) = edited(("results: [there, blocked]", "results: [there]")).changes
+    (change,) = reviewed(BASE, ("results: [there, blocked]", "results: [there]")).changes
 
     assert change.level is Level.BREAKING
     assert change.text == "has lost results: was there, blocked, is there"
@@ -211,7 +198,7 @@ def test_a_change_stands_where_it_was_made() -> None:
 def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: str, changes: list[str]) -> None:
     base = (ROOT / "tests/cases/valid/poses.yaml").read_text("utf-8")
     assert base.count(old) == 1
-    found = review(version(base), version(base.replace(old, new)))
+    found = review(planned(base), planned(base.replace(old, new)))
     assert (
         sorted(f"{each.category} {each.element.removeprefix('bay/')} {each.key}" for each in found.changes) == changes
     )

@@ -139,13 +139,20 @@ def standings_tables(found: Sequence[Standing], caption: str) -> tuple[Table, Ta
     return plain_table(caption, knew, [_knew(one) for one in found]), told
 
 
-def _knew(one: Standing) -> Sequence[Cell]:
+def ratios(one: Standing) -> Sequence[Cell]:
+    """Return an arm, both of its ratios, and their differences, as cells of a table."""
     return (
         one.arm,
         ratio(one.seconds.paper),
         ratio(one.seconds.strict),
         None if one.paper_difference is None else interval(one.paper_difference),
         None if one.strict_difference is None else interval(one.strict_difference),
+    )
+
+
+def _knew(one: Standing) -> Sequence[Cell]:
+    return (
+        *ratios(one),
         round(one.seconds.wrong_s, 1),
         round(one.seconds.unknown_s, 1),
         one.left_out,

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from codra_dsl.experiments.arms import Arm
+from codra_dsl.experiments.beyond.standing import reported_seeds
+from codra_dsl.experiments.experiment import Settings
+from codra_dsl.experiments.trials import Trial
 from codra_dsl.worlds.lab.mission import CENTRIFUGE, PCR_CYCLER, Mission
 
 
@@ -39,5 +44,13 @@ class Waiting:
         mission.wait_beside(self.machine, self.until_s)
 
 
-BOTH_AND_BACK = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
-"""The centrifuge, the PCR-cycler, and the centrifuge again, of which the robot must know what it knew: 35 minutes."""
+def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
+    """Return one run a seed, with all arms in it: 35 minutes.
+
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again, of which it must know what it knew.
+    """
+    work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
+    return [
+        Trial(name=f"run-{seed}", spec=settings.spec, seed=seed, arms=arms, work=work)
+        for seed in reported_seeds(settings)
+    ]

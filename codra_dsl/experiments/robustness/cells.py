@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from codra_dsl.experiments.document import Cell, Table
 from codra_dsl.experiments.statistics import Estimate, Share, ratio_of_sums
@@ -29,10 +29,15 @@ def interval(found: Estimate, digits: int = 3) -> str:
 
 def percent(found: Estimate) -> str:
     """Return an estimate of a share as percentages."""
+    return with_ends(found, lambda share: f"{100 * share:.1f}", "none")
+
+
+def with_ends(found: Estimate, shown: Callable[[float], str], nothing: str) -> str:
+    """Return an estimate, each number as `shown` writes it, with the ends of its interval where it has one."""
     if found.value is None:
-        return "none"
-    ends = "" if found.low is None or found.high is None else f" [{100 * found.low:.1f}, {100 * found.high:.1f}]"
-    return f"{100 * found.value:.1f}{ends}"
+        return nothing
+    ends = "" if found.low is None or found.high is None else f" [{shown(found.low)}, {shown(found.high)}]"
+    return f"{shown(found.value)}{ends}"
 
 
 def plain_table(caption: str, header: Iterable[str], rows: Iterable[Iterable[Cell]]) -> Table:

@@ -9,7 +9,7 @@ from typing import Any
 
 from codra_dsl.experiments.document import Document, Section, Table, Words
 from codra_dsl.experiments.experiment import Settings
-from codra_dsl.experiments.robustness.cells import interval, percent, plain_table, rounded
+from codra_dsl.experiments.robustness.cells import interval, percent, plain_table, rounded, with_ends
 from codra_dsl.experiments.statistics import Estimate
 from codra_dsl.experiments.store_managers.comparing import (
     MEASURES,
@@ -134,7 +134,10 @@ def _is_sure(found: Estimate) -> bool:
 
 
 def _means(table: Sequence[Compared]) -> Table:
-    rows = [(measure.name, *(_plain(each.mean) for each in _of(table, measure))) for measure in MEASURES]
+    rows = [
+        (measure.name, *(with_ends(each.mean, "{:.2f}".format, "-") for each in _of(table, measure)))
+        for measure in MEASURES
+    ]
     header = ("Of a run", *dict.fromkeys(each.manager for each in table))
     return plain_table("Means over seeds, with their intervals.", header, rows)
 
@@ -172,7 +175,7 @@ def _reactions_table(answered: Sequence[Reactions]) -> Table:
             each.count,
             each.answered,
             percent(each.share),
-            *(_span(each.quantiles_s[q]) for q in QUANTILES),
+            *(with_ends(each.quantiles_s[q], _shown, "-") for q in QUANTILES),
         )
         for each in answered
     ]
@@ -202,18 +205,6 @@ def _grid(design: Design, searched: Sequence[Cell]) -> Table:
     seeds = ", ".join(map(str, design.tuning_seeds))
     caption = f"Each cell of the grid on the seeds {seeds}: missions less a tenth of the unsafe seconds, in the mean."
     return plain_table(caption, header, rows)
-
-
-def _plain(found: Estimate) -> str:
-    ends = "" if found.low is None or found.high is None else f" [{found.low:.2f}, {found.high:.2f}]"
-    return f"{_number(found.value, 2)}{ends}"
-
-
-def _span(found: Estimate) -> str:
-    if found.value is None:
-        return "-"
-    ends = "" if found.low is None or found.high is None else f" [{_shown(found.low)}, {_shown(found.high)}]"
-    return f"{_shown(found.value)}{ends}"
 
 
 def _shown(value: float) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from tests.trees.btcpp.core import COMPLETED, Memory, Node, Quirk, Status, Tick, UndefinedError
 from tests.trees.btcpp.scripts import Value
 
@@ -62,11 +64,8 @@ def threshold(node: Node, text: int) -> int:
     return max(len(node.children) + text + 1, 0) if text < 0 else text
 
 
-def tick_parallel(node: Node) -> Status:
-    wanted = node.whole("success_count", "-1")
-    successes, failures = threshold(node, wanted), threshold(node, node.whole("failure_count", "1"))
-    if len(node.children) < successes or len(node.children) < failures:
-        raise UndefinedError(f"{node.kind}: a threshold above the number of children")
+def execute_open(node: Node) -> Iterator[int]:
+    """Execute each child that has not completed and count what came of it; yields how many were skipped so far."""
     node.status, skipped, memory = Status.RUNNING, 0, node.memory
     for at, child in enumerate(node.children):
         if at not in memory.completed:
@@ -76,6 +75,16 @@ def tick_parallel(node: Node) -> Status:
                 memory.completed.add(at)
                 memory.successes += status is Status.SUCCESS
                 memory.failures += status is Status.FAILURE
+        yield skipped
+
+
+def tick_parallel(node: Node) -> Status:
+    wanted = node.whole("success_count", "-1")
+    successes, failures = threshold(node, wanted), threshold(node, node.whole("failure_count", "1"))
+    if len(node.children) < successes or len(node.children) < failures:
+        raise UndefinedError(f"{node.kind}: a threshold above the number of children")
+    skipped, memory = 0, node.memory
+    for skipped in execute_open(node):
         verdict = None
         if memory.successes + (skipped if wanted < 0 else 0) >= successes:
             verdict = Status.SUCCESS
@@ -92,14 +101,8 @@ def tick_parallel_all(node: Node) -> Status:
     allowed = threshold(node, node.whole("max_failures", "1"))
     if len(node.children) < allowed:
         raise UndefinedError(f"{node.kind}: a threshold above the number of children")
-    node.status, skipped, memory = Status.RUNNING, 0, node.memory
-    for at, child in enumerate(node.children):
-        if at not in memory.completed:
-            status = child.execute()
-            skipped += status is Status.SKIPPED
-            if status in COMPLETED:
-                memory.completed.add(at)
-                memory.failures += status is Status.FAILURE
+    memory = node.memory
+    skipped = max(execute_open(node), default=0)
     if skipped == len(node.children):
         return Status.SKIPPED
     if skipped + len(memory.completed) < len(node.children):
