@@ -12,11 +12,11 @@ from codra_dsl.check import implies
 from codra_dsl.check.lowering import lower
 from codra_dsl.check.possible import always_holds, can_hold
 from codra_dsl.check.types import Type, infer_condition
-from codra_dsl.expression import And, Arithmetic, Choice, Comparison, In, Negative, Node, Not, Or
+from codra_dsl.expression import Arithmetic, Comparison, In, Negative, Node
 from codra_dsl.logic import Term, Value
 from codra_dsl.model import Kind
 from codra_dsl.units import UNITS
-from tests.check.typed_conditions import AT, World, call, compare, name, number
+from tests.check.typed_conditions import AT, World, call, compare, joined, name, number
 
 STEPS = 16
 TYPES = {
@@ -74,17 +74,7 @@ def atoms() -> Trees:
     return st.one_of(plain, among, *compared, *chained)
 
 
-def _logic(truths: Trees) -> Trees:
-    several = st.lists(truths, min_size=2, max_size=3).map(tuple)
-    return st.one_of(
-        truths.map(lambda operand: Not(operand=operand, **AT)),
-        several.map(lambda operands: And(operands=operands, **AT)),
-        several.map(lambda operands: Or(operands=operands, **AT)),
-        st.builds(lambda a, c, b: Choice(then=a, condition=c, otherwise=b, **AT), truths, truths, truths),
-    )
-
-
-CONDITIONS: Trees = st.recursive(atoms(), _logic, max_leaves=5)
+CONDITIONS: Trees = st.recursive(atoms(), joined, max_leaves=5)
 
 
 def term(condition: Node) -> Term:

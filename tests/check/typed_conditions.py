@@ -182,13 +182,20 @@ def _atoms() -> Trees:
     return st.one_of(_simple_truths(), _texts(), _ages(), *compared)
 
 
-def _logic(truths: Trees) -> Trees:
+def joined(truths: Trees) -> Trees:
+    """Conditions that are made of others."""
     several = st.lists(truths, min_size=2, max_size=3).map(tuple)
     return st.one_of(
         truths.map(lambda operand: Not(operand=operand, **AT)),
         several.map(lambda operands: And(operands=operands, **AT)),
         several.map(lambda operands: Or(operands=operands, **AT)),
         st.builds(lambda a, c, b: Choice(then=a, condition=c, otherwise=b, **AT), truths, truths, truths),
+    )
+
+
+def _logic(truths: Trees) -> Trees:
+    return st.one_of(
+        joined(truths),
         st.builds(lambda a, b: compare(a, (Comparison.EQUAL, b)), truths, truths),
     )
 

@@ -15,23 +15,9 @@ from pathlib import Path
 import pygraphviz
 import pytest
 
+from tests.test_compiler import DOOR
+
 ROOT = Path(__file__).parents[2]
-DOOR = """\
-codra: 1
-name: door
-context:
-  door_open: {type: bool, valid_for: 10 s}
-perception:
-  measure_door:
-    call: some_robot.doors:measure
-    returns:
-      gap: {type: float, unit: m}
-    identifies:
-      door_open: gap > 40 cm
-skills:
-  pass_door:
-    preview: [door_open]
-"""
 MISSPELT = DOOR.replace("preview", "moniter")
 WITH_WARNING = DOOR.replace("perception:", "  unused: {type: bool, source: main_execution}\nperception:")
 MONITER = """\

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.projects import run_project
 from tests.cli.test_commands import ROOT, codra
 
 SPEC = """\
@@ -73,13 +74,8 @@ with door.start(clock=clock, resources={}, record=Journal(sys.argv[1])) as codra
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project whose program has run and left a journal, `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
-    (folder / "specs").mkdir()
-    (folder / "pyproject.toml").write_text("[tool.codra]\n")
-    (folder / "specs/door.yaml").write_text(SPEC)
-    (folder / "door_perception.py").write_text(PERCEPTION)
-    (folder / "program.py").write_text(PROGRAM)
-    assert codra("compile", "specs", cwd=folder).returncode == 0
-    subprocess.run([sys.executable, "program.py", "run.mcap"], cwd=folder, check=True)
+    files = {"specs/door.yaml": SPEC, "door_perception.py": PERCEPTION, "program.py": PROGRAM}
+    run_project(folder, files, "run.mcap")
     return folder
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.cli.projects import run_project
 from tests.cli.test_commands import codra
 
 SPEC = """\
@@ -75,16 +74,9 @@ with bay.start(clock=clock, resources={}, record=Journal(sys.argv[1])) as codra:
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project whose program has run and left a journal, `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
-    (folder / "specs").mkdir()
-    (folder / "pyproject.toml").write_text("[tool.codra]\n")
-    (folder / "specs/bay.yaml").write_text(SPEC)
-    (folder / "eyes.py").write_text('def look(*, job):\n    return {"gap": 0.3}\n')
-    (folder / "program.py").write_text(PROGRAM)
-    done = codra("compile", "specs", cwd=folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    command = [sys.executable, "program.py", "run.mcap"]
-    ran = subprocess.run(command, cwd=folder, check=True, text=True, capture_output=True)
-    (folder / "printed").write_text(ran.stdout)
+    eyes = 'def look(*, job):\n    return {"gap": 0.3}\n'
+    printed = run_project(folder, {"specs/bay.yaml": SPEC, "eyes.py": eyes, "program.py": PROGRAM}, "run.mcap")
+    (folder / "printed").write_text(printed)
     return folder
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from tests.cli.projects import run_project
 from tests.cli.test_commands import codra
 
 SPEC = """\
@@ -54,14 +53,7 @@ with shop.Shop(shop.MODEL, clock=clock, resources={}, record=Journal("run.mcap")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project whose program has begun with a file of DSR and left a journal, `run.mcap`."""
     folder = tmp_path_factory.mktemp("project")
-    (folder / "specs").mkdir()
-    (folder / "pyproject.toml").write_text("[tool.codra]\n")
-    (folder / "specs/shop.yaml").write_text(SPEC)
-    (folder / "shop.json").write_text(DSR)
-    (folder / "program.py").write_text(PROGRAM)
-    done = codra("compile", "specs", cwd=folder)
-    assert done.returncode == 0, done.stdout + done.stderr
-    subprocess.run([sys.executable, "program.py"], cwd=folder, check=True)
+    run_project(folder, {"specs/shop.yaml": SPEC, "shop.json": DSR, "program.py": PROGRAM})
     return folder
 
 

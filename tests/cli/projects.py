@@ -1,0 +1,21 @@
+"""Projects whose programs have run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from tests.cli.test_commands import codra
+
+
+def run_project(folder: Path, files: Mapping[str, str], *arguments: str) -> str:
+    """Write a project, compile its specs and run its `program.py`; return what that printed."""
+    for name, text in {"pyproject.toml": "[tool.codra]\n", **files}.items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(text)
+    done = codra("compile", "specs", cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    command = [sys.executable, "program.py", *arguments]
+    return subprocess.run(command, cwd=folder, check=True, text=True, stdout=subprocess.PIPE).stdout
