@@ -29,6 +29,7 @@ def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...
     taken = entry_names(spec)
 
     def home(section: str, name: str, place: Place) -> _Contents:
+        """Return the module in which an element is declared."""
         found = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
         found.files |= {place.span.file} if place.use is None else set()
         return found

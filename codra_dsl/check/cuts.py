@@ -98,6 +98,7 @@ def _difference(left: Node, right: Node | None, key: str) -> Function:
     """Return by how much one number is larger than another, or than zero."""
 
     def at(number: Fraction) -> Fraction | None:
+        """Return the difference where the key is a number; None where it is not known to be one."""
         one = _number_at(left, key, number)
         other = Fraction(0) if right is None else _number_at(right, key, number)
         return None if one is None or other is None else one - other

@@ -24,6 +24,7 @@ class _Call:
         self._error: BaseException | None = None
 
     def run(self) -> None:
+        """Call the function in this thread; what it raises is raised where it was asked for."""
         try:
             self._result = self._function()
         except Exception as error:  # noqa: BLE001 - it is raised in the thread that asked
@@ -35,10 +36,12 @@ class _Call:
             self._done.set()
 
     def refuse(self) -> None:
+        """Let who asked know that nobody will call it."""
         self._error = RuntimeError("nobody serves calls any more: the run is over")
         self._done.set()
 
     def result(self) -> Any:
+        """Wait, and return what the function returned, or raise what it raised."""
         self._done.wait()
         if self._error is not None:
             raise self._error
