@@ -164,19 +164,26 @@ class World:
             self.fits(target, self.end(each.name)) for each in edge.targets
         )
 
-    def climb(self, name: str) -> tuple[frozenset[NodeTerm], frozenset[str]]:
-        """Return all in which a node may come to stand, itself among it, and the edges with poses by which it may."""
+    def climb(self, name: str, until: frozenset[NodeTerm] = frozenset()) -> tuple[frozenset[NodeTerm], frozenset[str]]:
+        """Return all in which a node may come to stand, itself among it, and the edges with poses by which it may.
+
+        Nothing is said of what is above `until`.
+        """
         pending = [NodeTerm(start=0, end=0, name=name)]
         found, edges = set(pending), set[str]()
         while pending:
             term = pending.pop()
-            for edge in self.edges.values():
-                if is_rigid(edge) and any(self.fits(term, self.end(each.name)) for each in edge.targets):
-                    edges.add(edge.name)
-                    more = {self._term(each.name) for each in edge.origins} - found
-                    found |= more
-                    pending.extend(more)
+            for edge in self._above(term) if term not in until else ():
+                edges.add(edge.name)
+                more = {self._term(each.name) for each in edge.origins} - found
+                found |= more
+                pending.extend(more)
         return frozenset(found), frozenset(edges)
+
+    def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
+        """Return the edges with poses that may say where something stands."""
+        rigid = (edge for edge in self.edges.values() if is_rigid(edge))
+        return tuple(edge for edge in rigid if any(self.fits(term, self.end(each.name)) for each in edge.targets))
 
     def may_meet(self, one: str, other: str) -> bool:
         """Return whether poses may tell where two nodes stand to each other: whether both may stand in one frame."""
@@ -184,17 +191,19 @@ class World:
         return any(self.may_be(each, another) for each in first for another in second)
 
     def between(self, one: str, other: str) -> tuple[str, ...]:
-        """Return the edges with poses that tell where two nodes stand to each other.
+        """Return the edges with poses that may tell where two nodes stand to each other, in file order.
 
-        An edge of what both may stand in is left out: it moves them together.
+        Those above a node in which both stand, however they stand, are left out: they move both together.
         """
-        ways = (self.climb(one), self.climb(other))
-        found: set[str] = set()
-        for (mine, edges), (theirs, _) in (ways, ways[::-1]):
-            alone = [term for term in mine if not any(self.may_be(term, each) for each in theirs)]
-            ends = {name: [self.end(each.name) for each in self.edges[name].targets] for name in edges}
-            found |= {name for name in edges if any(self.fits(term, end) for term in alone for end in ends[name])}
-        return tuple(name for name in self.edges if name in found)
+        edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
+        return tuple(name for name in self.edges if name in edges)
+
+    def _always_in(self, name: str) -> frozenset[NodeTerm]:
+        """Return the single nodes, itself among them, that no way up from a node goes past."""
+        frames = self.climb(name)[0]
+        tops = {frame for frame in frames if not self._above(frame)}
+        singles = (frame for frame in frames if frame.name)
+        return frozenset(each for each in singles if not tops & (self.climb(name, frozenset({each}))[0] - {each}))
 
     def _term(self, name: str) -> NodeTerm:
         """Return what a name at an end of an edge means, as patterns say it."""
