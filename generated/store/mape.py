@@ -303,9 +303,12 @@ MAPE = MapeModel(
         ParameterModel(
             name="speed",
             variable="max_speed",
-            value=choose(0.3, (value("person_distance") < 1.5) | (value("safety") < 0.6), 1.2),
-            text="0.3 m/s if person_distance < 1.5 m or safety < 0.6 else 1.2 m/s",
-            dwell_s=3.0,
+            value=choose(
+                0.3,
+                (value("person_distance") < 1.5) | (value("strange_gap") < 1.5) | (value("safety") < 0.6),
+                1.2,
+            ),
+            text="0.3 m/s if person_distance < 1.5 m or strange_gap < 1.5 m or safety < 0.6 else 1.2 m/s",
         ),
     ),
     trees=(
