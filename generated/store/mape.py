@@ -292,7 +292,7 @@ MAPE = MapeModel(
             variable="course",
             smooth_s=1.0,
             lead=0.1,
-            hold_s=1.0,
+            hold_s=3.0,
             dwell_s=5.0,
             always=(
                 HardRuleModel(condition=value("battery_level") < 10, action="dock", text="battery_level < 10 percent"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import atan2, hypot, sin
+from statistics import fmean
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Pose
@@ -32,11 +33,8 @@ NEAR_M = 1.5
 SAME_M = 1.0
 """Nobody gets farther than this from one picture to the next."""
 
-FOLLOWED_M = 0.8
-"""What the lasers see nearer than this to where somebody was is that person: half a step and half a body away."""
-
-BODY_M = 0.2
-"""So far behind what lasers see of somebody the middle of the body is."""
+BREADTH_M = 0.5
+"""What the lasers see nearer than this to a point of somebody is of the same person."""
 
 LASERS_FARTHEST_M = 2.5
 """Who is nearer than this and not met by a laser is not there."""
@@ -98,13 +96,14 @@ class PersonDetection:
         lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
         if not lost:
             return
-        points = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
-        middles = [robot.out(*_farther(point, BODY_M)) for point in points]
+        strange = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
+        points = [robot.out(*point) for point in strange]
         for name in lost:
             was_m = self._seen[name][0]
-            nearest = min(middles, key=lambda at_m: _distance_m(at_m, was_m), default=None)
-            if nearest is not None and _distance_m(nearest, was_m) < FOLLOWED_M:
-                self._place(change, name, nearest)
+            nearest = min(points, key=lambda point: _distance_m(point, was_m), default=None)
+            if nearest is not None and _distance_m(nearest, was_m) < SAME_M:
+                own = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
+                self._place(change, name, (fmean(x for x, _ in own), fmean(y for _, y in own)))
 
     def _place(self, change: Transaction, name: str, at_m: Point) -> None:
         self._seen[name] = (at_m, self._clock.now_s())
@@ -141,12 +140,6 @@ def _is_looked_at(robot: Stand, at_m: Point) -> bool:
     ahead_m, left_m = Stand(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)
     range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
     return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_M
-
-
-def _farther(point: Point, by_m: float) -> Point:
-    """Return a point of the robot's frame by so much farther from it."""
-    share = 1.0 + by_m / max(hypot(*point), by_m)
-    return (point[0] * share, point[1] * share)
 
 
 def _distance_m(a: Point, b: Point) -> float:
