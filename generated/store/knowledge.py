@@ -878,7 +878,7 @@ KNOWLEDGE = KnowledgeModel(
             name="navigation",
             phase=Phase.EXECUTE,
             owns=("battery.battery_level", "battery.charging", "robot.bumped", "robot.speed"),
-            reads=("goal_pose", "goal.goal_way", "container_pose", "robot.max_speed", "navigating"),
+            reads=("goal_pose", "goal.goal_way", "container_pose", "person_pose", "robot.max_speed", "navigating"),
             rules=(
                 RuleModel(
                     name="navigating",

@@ -12,7 +12,7 @@ from functools import partial
 from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
-from codra_dsl.worlds.store.agents.surroundings import away, containers_m, obstacles, room_m
+from codra_dsl.worlds.store.agents.surroundings import away, containers_m, obstacles, people_m, room_m
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
 from codra_dsl.worlds.store.body import Body, Outcome, Stop, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
@@ -133,13 +133,14 @@ class Navigation:
         if self._bumps:
             go_on()
             return
-        self._draw(away(self._body, DRAW_BACK_M), self._ending(go_on, go_on, go_on))
+        self._draw(away(self._body, self._people(), DRAW_BACK_M), self._ending(go_on, go_on, go_on))
 
     def _return(self) -> None:
         """Drive a little to where it has come from: what it has bumped into is where its lasers do not see it."""
         back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
-        length_m = min(room_m(self._body, back), DRAW_BACK_M)
-        step = (back, length_m) if self._way and length_m > 0.0 else away(self._body, DRAW_BACK_M)
+        people = self._people()
+        length_m = min(room_m(self._body, people, back), DRAW_BACK_M)
+        step = (back, length_m) if self._way and length_m > 0.0 else away(self._body, people, DRAW_BACK_M)
         self._draw(step, self._returned)
 
     def _returned(self, outcome: Outcome) -> None:
@@ -215,6 +216,9 @@ class Navigation:
 
     def _containers(self) -> list[Point]:
         return containers_m(self._knowledge.snapshot())
+
+    def _people(self) -> list[Point]:
+        return people_m(self._knowledge.snapshot())
 
 
 def _nothing() -> None:

@@ -33,7 +33,7 @@ NEAR_M = 1.5
 SAME_M = 1.0
 """Nobody gets farther than this from one picture to the next."""
 
-BREADTH_M = 0.5
+BREADTH_M = 0.3
 """What the lasers see nearer than this to a point of somebody is of the same person."""
 
 LASERS_FARTHEST_M = 2.5

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, hypot, inf, sin
+from math import cos, hypot, inf, pi, sin
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from codra_dsl.runtime.knowledge import Snapshot
 from codra_dsl.worlds.store.body import FRONT, Body, Side, Way
 from codra_dsl.worlds.store.geometry import Disc, Floats, Point
 from codra_dsl.worlds.store.knowledge import stand_of
-from codra_dsl.worlds.store.layout import AREAS, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M
+from codra_dsl.worlds.store.layout import AREAS, BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M
 from codra_dsl.worlds.store.routes import clearances_m
 
 OBSTACLE_M = 0.3
@@ -25,6 +25,12 @@ OFF_MAP_M = 0.2
 
 OF_CONTAINER_M = 0.6
 """What they see nearer than this to the middle of a known container is taken for it."""
+
+PERSON_M = 0.25
+"""The radius of somebody's body."""
+
+RIM = 12
+"""So many points stand for it."""
 
 LANE_M = 0.42
 KEEP_FREE_M = 0.4
@@ -95,12 +101,24 @@ def obstacles(body: Body, known_m: Sequence[Point]) -> tuple[Disc, ...]:
     return tuple(Disc(point, OBSTACLE_M) for point in found)
 
 
-def away(body: Body, longest_m: float) -> tuple[Way, float]:
-    """Return the way, straight on or straight back, that leads farther from what is near, and how far it is free."""
-    points = np.concatenate([body.scan(side).points_m() for side in Side])
+def people_m(snapshot: Snapshot) -> list[Point]:
+    """Return where people are known to be."""
+    nodes = (node.name for node in snapshot.nodes("person") if snapshot.parent(node.name) == "world")
+    return [stand_of(snapshot.transform("world", name).pose).point_m for name in nodes]
+
+
+def away(body: Body, known_m: Sequence[Point], longest_m: float) -> tuple[Way, float]:
+    """Return the way, straight on or straight back, that leads farther from what is near, and how far it is free.
+
+    Args:
+        body: whose lasers are asked.
+        known_m: where people are known to be: beside the fork no laser sees them.
+        longest_m: at most so far.
+    """
+    points = np.concatenate([*(body.scan(side).points_m() for side in Side), _rims(body, known_m)])
     found: dict[Way, tuple[float, float]] = {}
     for way in (Way.BACKWARD, Way.FORWARD):
-        length_m = min(room_m(body, way), longest_m)
+        length_m = min(room_m(body, known_m, way), longest_m)
         there_m = length_m if way is Way.FORWARD else -length_m
         nearest_m = float(np.hypot(points[:, 0] - there_m, points[:, 1]).min(initial=inf))
         found[way] = (nearest_m if length_m > 0.0 else 0.0, length_m)
@@ -108,13 +126,32 @@ def away(body: Body, longest_m: float) -> tuple[Way, float]:
     return way, found[way][1]
 
 
-def room_m(body: Body, way: Way) -> float:
-    """Return how far the robot may go straight on, or straight back, so that something is left free; 0 at least."""
+def room_m(body: Body, known_m: Sequence[Point], way: Way) -> float:
+    """Return how far the robot may go straight on, or straight back, so that something is left free; 0 at least.
+
+    Who stands beside its fork is in the way of its body when it goes back.
+
+    Args:
+        body: whose lasers are asked.
+        known_m: where people are known to be.
+        way: which of them.
+    """
+    sides = FRONT if way is Way.FORWARD else tuple(Side)
+    points = np.concatenate([*(body.scan(side).points_m() for side in sides), _rims(body, known_m)])
     if way is Way.FORWARD:
-        points = np.concatenate([body.scan(side).points_m() for side in FRONT])
         gaps = points[:, 0] - BODY_FRONT_M
     else:
-        points = body.scan(Side.BACK).points_m()
-        gaps = FORK_TIP_M - points[:, 0]
+        gaps = np.where(points[:, 0] < FORK_TIP_M, FORK_TIP_M, BODY_BACK_M) - points[:, 0]
     ahead = gaps[(np.abs(points[:, 1]) <= LANE_M) & (gaps >= 0.0)]
     return max(float(ahead.min(initial=inf)) - KEEP_FREE_M, 0.0)
+
+
+def _rims(body: Body, known_m: Sequence[Point]) -> Floats:
+    """Return points round the bodies of people, in the robot's frame; shape (points, 2)."""
+    robot = body.believed()
+    found: Floats = np.array([
+        (x_m + PERSON_M * cos(turn), y_m + PERSON_M * sin(turn))
+        for x_m, y_m in (robot.seen_from_here(point) for point in known_m)
+        for turn in np.linspace(0.0, 2 * pi, RIM, endpoint=False)
+    ]).reshape(-1, 2)  # fmt: skip
+    return found
