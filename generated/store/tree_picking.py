@@ -43,7 +43,11 @@ def pick_up_management_tree() -> Node:
             Node(
                 "not fetched",
                 sequence(),
-                Node("Inform", Leaf("Inform", inputs={"message": Entry("trouble")})),
+                Node(
+                    "Inform",
+                    Leaf("Inform", inputs={"message": Entry("trouble")}),
+                    conditions=Conditions(skip_if=lambda it: it["trouble"] == ""),
+                ),
                 Node("Report", Leaf("Report", inputs={"result": "failed"})),
             ),
         ),
