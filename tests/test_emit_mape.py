@@ -188,6 +188,7 @@ def running() -> Iterator[tuple[Store, SimClock, Mape]]:
         "ResumeOrders",
         "CompleteOrder",
         "RedirectOrder",
+        "GiveOrderUp",
         "CloseOrder",
     ):
         robot.can(leaf, Busy)
@@ -201,7 +202,8 @@ def running() -> Iterator[tuple[Store, SimClock, Mape]]:
 
 def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
     with running() as (codra, clock, loops):
-        agents = {name: codra.agent(name) for name in ("navigation", "person_detection", "fork", "picker_page")}
+        names = ("navigation", "person_detection", "lasers", "fork", "picker_page")
+        agents = {name: codra.agent(name) for name in names}
         planners = {name: codra.agent(name) for name in ("mission", "picking")}
         tell = partial(_tell, agents | planners)
         tell(person_distance=6.0)
@@ -224,6 +226,7 @@ def _tell(agents: dict[str, object], *, person_distance: float) -> None:
     told = {
         "navigation": {"battery_level": 80.0, "bumped": False},
         "person_detection": {"person_distance": person_distance},
+        "lasers": {"strange_gap": person_distance - 0.7},
         "fork": {"loaded": False},
         "picker_page": {"container_load": "empty"},
         "mission": {"order_open": True},

@@ -1,4 +1,4 @@
-"""The context of 'store': 0 observers, 25 context-variables, 0 skills.
+"""The context of 'store': 0 observers, 26 context-variables, 0 skills.
 
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
@@ -35,13 +35,14 @@ from .mape import MAPE
 
 ContainerLoad = Literal["empty", "loading", "full"]
 GoalWay = Literal["forward", "backward"]
-BaseNotice = Literal["none", "container_not_found", "mission_aborted"]
+BaseNotice = Literal["none", "container_not_found", "container_not_placed", "mission_aborted"]
 Course = Literal["pick", "deliver", "start", "dock"]
 FloatName = Literal[
     "battery_level",
     "person_distance",
     "front_gap",
     "back_gap",
+    "strange_gap",
     "speed",
     "pose_spread",
     "max_speed",

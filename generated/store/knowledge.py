@@ -64,6 +64,7 @@ AttributeName = Literal[
     "person_distance",
     "front_gap",
     "back_gap",
+    "strange_gap",
     "bumped",
     "speed",
     "pose_spread",
@@ -451,6 +452,13 @@ KNOWLEDGE = KnowledgeModel(
                     label="Nearest thing behind",
                 ),
                 AttributeModel(
+                    name="strange_gap",
+                    type=real(0, 10, unit="m"),
+                    sources=by("lasers"),
+                    valid_for_s=2.0,
+                    label="Nearest thing around that is not on the map",
+                ),
+                AttributeModel(
                     name="bumped",
                     type=boolean(),
                     sources=by("navigation"),
@@ -545,7 +553,7 @@ KNOWLEDGE = KnowledgeModel(
             attributes=(
                 AttributeModel(
                     name="base_notice",
-                    type=member("none", "container_not_found", "mission_aborted"),
+                    type=member("none", "container_not_found", "container_not_placed", "mission_aborted"),
                     sources=by("mission", "picking"),
                     label="Notice to the base",
                 ),
@@ -818,7 +826,12 @@ KNOWLEDGE = KnowledgeModel(
     agents=(
         AgentModel(name="localisation", phase=Phase.MONITOR, owns=("robot.pose_spread", "robot_pose")),
         AgentModel(name="camera_agent", phase=Phase.MONITOR, owns=("camera.camera_steady",)),
-        AgentModel(name="lasers", phase=Phase.MONITOR, owns=("robot.front_gap", "robot.back_gap")),
+        AgentModel(
+            name="lasers",
+            phase=Phase.MONITOR,
+            owns=("robot.front_gap", "robot.back_gap", "robot.strange_gap"),
+            reads=("container_pose",),
+        ),
         AgentModel(
             name="person_detection",
             phase=Phase.MONITOR,
@@ -865,7 +878,7 @@ KNOWLEDGE = KnowledgeModel(
             name="navigation",
             phase=Phase.EXECUTE,
             owns=("battery.battery_level", "battery.charging", "robot.bumped", "robot.speed"),
-            reads=("goal_pose", "goal.goal_way", "container_pose", "robot.max_speed", "navigating"),
+            reads=("goal_pose", "goal.goal_way", "container_pose", "person_pose", "robot.max_speed", "navigating"),
             rules=(
                 RuleModel(
                     name="navigating",
@@ -1045,7 +1058,7 @@ if TYPE_CHECKING:
         def set(
             self,
             name: str,
-            attribute: Literal["front_gap", "back_gap"],
+            attribute: Literal["front_gap", "back_gap", "strange_gap"],
             value: object,
             *,
             evidence_s: float | None = None,

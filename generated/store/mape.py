@@ -292,7 +292,7 @@ MAPE = MapeModel(
             variable="course",
             smooth_s=1.0,
             lead=0.1,
-            hold_s=1.0,
+            hold_s=3.0,
             dwell_s=5.0,
             always=(
                 HardRuleModel(condition=value("battery_level") < 10, action="dock", text="battery_level < 10 percent"),
@@ -303,9 +303,12 @@ MAPE = MapeModel(
         ParameterModel(
             name="speed",
             variable="max_speed",
-            value=choose(0.3, (value("person_distance") < 1.5) | (value("safety") < 0.6), 1.2),
-            text="0.3 m/s if person_distance < 1.5 m or safety < 0.6 else 1.2 m/s",
-            dwell_s=3.0,
+            value=choose(
+                0.3,
+                (value("person_distance") < 1.5) | (value("strange_gap") < 1.5) | (value("safety") < 0.6),
+                1.2,
+            ),
+            text="0.3 m/s if person_distance < 1.5 m or strange_gap < 1.5 m or safety < 0.6 else 1.2 m/s",
         ),
     ),
     trees=(

@@ -42,6 +42,13 @@ VARIABLES: tuple[VariableModel, ...] = (
         sources=("lasers",),
         valid_for_s=2.0,
     ),
+    VariableModel(
+        name="strange_gap",
+        type=real(0, 10, unit="m"),
+        label="Nearest thing around that is not on the map",
+        sources=("lasers",),
+        valid_for_s=2.0,
+    ),
     VariableModel(name="bumped", type=boolean(), label="Bumped", sources=("navigation",), valid_for_s=5.0),
     VariableModel(
         name="speed",
@@ -73,7 +80,7 @@ VARIABLES: tuple[VariableModel, ...] = (
     ),
     VariableModel(
         name="base_notice",
-        type=member("none", "container_not_found", "mission_aborted"),
+        type=member("none", "container_not_found", "container_not_placed", "mission_aborted"),
         label="Notice to the base",
         sources=("mission", "picking"),
     ),

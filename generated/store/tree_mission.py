@@ -106,6 +106,12 @@ def pick_deliver_start_tree() -> Node:
                 Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
             ),
             Node(
+                "it has failed too often",
+                sequence(),
+                Node("GiveOrderUp", Leaf("GiveOrderUp", inputs={"tries": "3"})),
+                Node("Inform", Leaf("Inform", inputs={"message": "mission aborted"})),
+            ),
+            Node(
                 "LeaveOrder",
                 Subtree(),
                 leave_order_tree(),
@@ -217,6 +223,7 @@ MAIN: str | None = "GlobalManagement"
 ACTIONS: tuple[str, ...] = (
     "CloseOrder",
     "CompleteOrder",
+    "GiveOrderUp",
     "Inform",
     "IsLoaded",
     "LowerFork",

@@ -6,14 +6,17 @@ Made by codra; edits are lost.
 from collections.abc import Callable, Mapping
 
 from codra_dsl.runtime.trees import (
+    Conditions,
     Entry,
     Leaf,
     Node,
     Subtree,
+    create,
     fallback,
     force_failure,
     reactive_sequence,
     retry_until_successful,
+    script,
     sequence,
 )
 
@@ -32,12 +35,21 @@ def pick_up_management_tree() -> Node:
                 sequence(),
                 Node(
                     "Fetch",
-                    Subtree(remapped={"second_observation_pose": "second_observation_pose"}),
+                    Subtree(remapped={"second_observation_pose": "second_observation_pose", "trouble": "trouble"}),
                     fetch_tree(),
                 ),
                 Node("Report", Leaf("Report", inputs={"result": "fetched"})),
             ),
-            Node("Report", Leaf("Report", inputs={"result": "failed"})),
+            Node(
+                "not fetched",
+                sequence(),
+                Node(
+                    "Inform",
+                    Leaf("Inform", inputs={"message": Entry("trouble")}),
+                    conditions=Conditions(skip_if=lambda it: it["trouble"] == ""),
+                ),
+                Node("Report", Leaf("Report", inputs={"result": "failed"})),
+            ),
         ),
     )
 
@@ -47,6 +59,7 @@ def fetch_tree() -> Node:
     return Node(
         "Sequence",
         sequence(),
+        Node("Script", script(create("trouble", lambda it: ""))),
         Node(
             "find the roll container",
             fallback(),
@@ -94,6 +107,7 @@ def fetch_tree() -> Node:
                 "DetectContainer",
                 outputs={"container_pose": Entry("container_pose"), "fork_towards": Entry("fork_towards")},
             ),
+            conditions=Conditions(on_failure=(create("trouble", lambda it: "pose not determined"),)),
         ),
         Node(
             "TurnRound",
@@ -102,7 +116,7 @@ def fetch_tree() -> Node:
         ),
         Node(
             "TakeUp",
-            Subtree(remapped={"fork_towards": "fork_towards"}),
+            Subtree(remapped={"fork_towards": "fork_towards", "trouble": "trouble"}),
             take_up_tree(),
         ),
     )
@@ -134,7 +148,14 @@ def take_up_tree() -> Node:
             Node(
                 "get under it",
                 sequence(),
-                Node("CheckWheels", Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")})),
+                Node(
+                    "CheckWheels",
+                    Leaf("CheckWheels", outputs={"fork_pose": Entry("fork_pose")}),
+                    conditions=Conditions(
+                        on_success=(create("trouble", lambda it: ""),),
+                        on_failure=(create("trouble", lambda it: "pose not determined"),),
+                    ),
+                ),
                 Node("approach it backwards", Leaf("MoveTo", inputs={"pose": Entry("fork_pose")})),
                 Node("RaiseFork", Leaf("RaiseFork")),
             ),

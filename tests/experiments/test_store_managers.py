@@ -48,6 +48,7 @@ MANAGERS: tuple[Manager, ...] = (Nobody(), Chance(), Tuned(THRESHOLDS), Ours())
 CALM: Mapping[str, Value | None] = {
     "bumped": False,
     "person_distance": 10.0,
+    "strange_gap": 10.0,
     "picking_up": False,
     "order_open": True,
     "loaded": False,

@@ -112,6 +112,7 @@ class Cary:
         robot.does("SetOrderAside", lambda _: self._close("order set aside"))
         robot.does("ResumeOrders", lambda _: True)
         robot.does("RedirectOrder", lambda _: self._close("order redirected"))
+        robot.does("GiveOrderUp", lambda _: False)
         robot.does("CloseOrder", lambda ports: self._close(f"order {ports.text('outcome')}"))
         robot.does("IsRequested", self._is_requested)
         robot.does("Report", self._report)

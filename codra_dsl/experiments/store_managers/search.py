@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
-from codra_dsl.experiments.experiment import FIRST_REPORTED_SEED, Settings
+from codra_dsl.experiments.experiment import Settings
 from codra_dsl.experiments.store_managers.managers import Tuned
 from codra_dsl.experiments.store_managers.thresholds import Thresholds
 from codra_dsl.experiments.store_managers.trial import LASTS_S, StoreOutcome, StoreTrial
 
 TUNING_SEEDS = (1, 2, 3, 4, 5)
+FIRST_SEED = 201
+"""Of those that are reported. Those from 101 on were reported before the truck was mended: they are known."""
 
 GRID = tuple(
     Thresholds(distance_m=distance_m, battery_percent=battery_percent, load=load)
@@ -36,7 +38,7 @@ class Design:
 
     grid: tuple[Thresholds, ...] = GRID
     tuning_seeds: tuple[int, ...] = TUNING_SEEDS
-    first_seed: int = FIRST_REPORTED_SEED
+    first_seed: int = FIRST_SEED
     duration_s: float = LASTS_S
 
 

@@ -46,6 +46,7 @@ FREED = 3.0
 
 LIFT_S = 3.0
 _EDGE_M = 0.02
+_ROUNDING = 1e-9
 TURN_ON_SPOT_ABOVE_RAD = 0.2
 CLOSE_M, CLOSE_RAD = 0.015, 0.01
 
@@ -157,7 +158,7 @@ class Driving:
     """Follows one command at a time.
 
     Attributes:
-        max_speed_m_s: no faster than this.
+        max_speed_m_s: no point of the robot goes faster than this: where it turns, its corners do.
         ended: commands that have ended, with what became of them, until they are told.
     """
 
@@ -192,7 +193,7 @@ class Driving:
     def step(self, senses: Senses) -> Wish:
         """Return how fast to go and to turn during the next step."""
         wish = self._wish(senses)
-        free = _freed(wish, senses)
+        free = _limited(_freed(wish, senses), self.max_speed_m_s)
         if wish != Wish() and free == Wish():
             self._blocked_s += STEP_S
             if self._blocked_s >= PATIENCE_S:
@@ -238,6 +239,15 @@ def _freed(wish: Wish, senses: Senses) -> Wish:
     if limit_m_s < 0.02:
         return Wish()
     return Wish(speed_m_s=sign * min(abs(wish.speed_m_s), limit_m_s), turn_rate_rad_s=wish.turn_rate_rad_s)
+
+
+def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
+    """Return a wish on the same curve with which no point of the robot goes faster than it may."""
+    fastest_m_s = abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
+    if fastest_m_s < max_speed_m_s:
+        return wish
+    share = max_speed_m_s / fastest_m_s * (1.0 - _ROUNDING)
+    return Wish(speed_m_s=wish.speed_m_s * share, turn_rate_rad_s=wish.turn_rate_rad_s * share)
 
 
 def free_ahead_m(senses: Senses) -> float:

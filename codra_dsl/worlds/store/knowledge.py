@@ -43,6 +43,7 @@ from codra_dsl.worlds.store.layout import AREAS, DELIVERY, DOCK, PICKING_AREAS, 
 DEPOTS = (SUPPLY.name, DELIVERY.name)
 PLANNERS = ("mission", "picking")
 LOADS = ("empty", "loading", "full")
+NOTICES = ("none", "container_not_found", "container_not_placed", "mission_aborted")
 FARTHEST_M = 10.0
 """What distances are at most: where nothing is seen, they are this."""
 
@@ -117,9 +118,7 @@ def _node_types() -> tuple[NodeTypeModel, ...]:
         NodeTypeModel(name="goal", attributes=(_attribute("goal_way", member(*Way), *PLANNERS),)),
         NodeTypeModel(
             name="base",
-            attributes=(
-                _attribute("base_notice", member("none", "container_not_found", "mission_aborted"), *PLANNERS),
-            ),
+            attributes=(_attribute("base_notice", member(*NOTICES), *PLANNERS),),
         ),
         NodeTypeModel(name="pose"),
         NodeTypeModel(name="picking_area"),
@@ -143,6 +142,7 @@ def _robot_attributes() -> tuple[AttributeModel, ...]:
         _attribute("person_distance", _metres(), "person_detection", valid_for_s=15.0),
         _attribute("front_gap", _metres(), "lasers", valid_for_s=2.0),
         _attribute("back_gap", _metres(), "lasers", valid_for_s=2.0),
+        _attribute("strange_gap", _metres(), "lasers", valid_for_s=2.0),
         _attribute("bumped", boolean(), "navigation", valid_for_s=5.0),
         _attribute("speed", real(-1.5, 1.5, unit="m/s"), "navigation", valid_for_s=5.0),
         _attribute("pose_spread", real(0, 10, unit="m"), "localisation", valid_for_s=5.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 
@@ -19,8 +20,9 @@ _NOTICES = {"mission aborted": "mission_aborted"}
 class Mission:
     """Takes orders in the turn in which they came, and closes them.
 
-    An order stays open until its container was set down, until there turned out to be none, or until who ordered takes
-    it back. One that a course has left behind is set aside, and taken up again once the robot was back at the start.
+    An order stays open until its container was set down, until there turned out to be none, until it has failed too
+    often, or until who ordered takes it back. One that a course has left behind is set aside, and waits again, behind
+    those that were left less often, once the robot was back at the start.
     It tells in the graph whether there is an order to serve now, so that the loops know that there is something to do.
     """
 
@@ -30,6 +32,8 @@ class Mission:
         self._handle = knowledge.as_agent("mission")
         self._taken = ""
         self._aside: set[str] = set()
+        self._left: Counter[str] = Counter()
+        self._failed: Counter[str] = Counter()
         self._handle.set("robot", "order_open", False)
         self._subscription = knowledge.subscribe(
             self._ordered, path(some("order", called="order"), "to_area", anything())
@@ -42,6 +46,7 @@ class Mission:
         told: dict[str, Callable[[Ports], bool | Result]] = {
             "TakeOrder": self._take,
             "SetOrderAside": lambda _: self._set_aside(),
+            "GiveOrderUp": self._give_up,
             "ResumeOrders": lambda _: self._resume(),
             "CompleteOrder": self._complete,
             "RedirectOrder": lambda _: self._redirect(),
@@ -84,8 +89,8 @@ class Mission:
         return [name for name, state in states if not state.known or state.value == "open"]
 
     def _waiting(self) -> list[str]:
-        """Return the open orders that are not set aside, the oldest first."""
-        return [name for name in self._open() if name not in self._aside]
+        """Return the open orders that are not set aside: those left least often first, of these the oldest."""
+        return sorted((name for name in self._open() if name not in self._aside), key=lambda name: self._left[name])
 
     def _take(self, ports: Ports) -> Result:
         """Go on with the order that is taken, or take the oldest; wait while there is none."""
@@ -109,8 +114,19 @@ class Mission:
         if not self._taken or self._is_loaded():
             return False
         self._aside.add(self._taken)
+        self._left[self._taken] += 1
         self._taken = ""
         self._tell()
+        return True
+
+    def _give_up(self, ports: Ports) -> bool:
+        """Close an order that has failed so often that others need not wait for it again; else fail."""
+        if not self._taken or self._is_loaded():
+            return False
+        self._failed[self._taken] += 1
+        if self._failed[self._taken] < ports.number("tries"):
+            return False
+        self._close(self._taken, "failed")
         return True
 
     def _resume(self) -> bool:

@@ -17,7 +17,7 @@ from codra_dsl.worlds.store.knowledge import stand_of
 from codra_dsl.worlds.store.layout import AREAS, approach_to, robot_at
 from codra_dsl.worlds.store.move_to import Goal, MoveTo
 
-_NOTICES = {"no roll container found": "container_not_found"}
+_NOTICES = {"no roll container found": "container_not_found", "pose not determined": "container_not_placed"}
 
 
 class Picking:

@@ -102,14 +102,19 @@ def test_who_is_gone_is_forgotten() -> None:
     assert bench.knowledge.get("robot", "person_distance").value == 10.0
 
 
-def test_somebody_at_whom_the_camera_does_not_look_any_more_is_remembered_for_some_seconds() -> None:
+@pytest.mark.parametrize("beside_m", [(7.5, 6.2), (8.9, 6.2), (8.7, 4.6)], ids=["left", "right", "behind"])
+def test_somebody_at_whom_the_camera_does_not_look_any_more_is_followed_by_lasers_until_they_have_gone(
+    beside_m: Point,
+) -> None:
     bench = Bench(Stand(8.2, 6.0, pi / 2))
-    bench.world.add_person(crossing((8.0, 8.0), [(7.5, 6.2)], 1, (7.5, 6.2)))
+    aside_m = (beside_m[0], 5.0)
+    bench.world.add_person(crossing((beside_m[0], 8.0), [beside_m, beside_m, beside_m, beside_m], 4, aside_m))
     distances_m: list[float] = []
     bench.knowledge.follow("robot", "person_distance", lambda r: distances_m.append(r.value) if r.known else None)
     bench.clock.sleep(4.5)
     assert bench.world.body.look().sightings == ()
-    assert distances_m[-1] < 2.0
+    assert distances_m[-1] == pytest.approx(hypot(beside_m[0] - 8.2, beside_m[1] - 6.0), abs=0.35)
+    bench.world._people.clear()
     bench.clock.sleep(6.0)
 
     assert distances_m[-1] == 10.0
@@ -250,15 +255,68 @@ def test_what_has_bumped_into_something_backwards_draws_back_says_so_and_can_go_
     assert bench.done("navigating").result == "arrived"
 
 
-def test_the_maximum_speed_of_the_graph_is_kept() -> None:
+def bumped_and_told_to_stop() -> Bench:
+    bench = Bench(Stand(8.2, 6.0, pi / 2), containers=(box(Stand(8.72, 4.2)),))
+    bench.aim(Stand(8.2, 4.4), Way.BACKWARD)
+    bench.picking.request("navigating")
+    bench.clock.wait_until(bench.world.body.is_bumped, 60.0)
+    request = bench.knowledge.snapshot().handover("navigating").request
+    bench.picking.abort(request)
+    return bench
+
+
+def test_what_has_bumped_into_something_draws_back_though_it_is_told_to_stop() -> None:
+    bench = bumped_and_told_to_stop()
+    touching_m = bench.world.state().robot.at.y_m
+    bench.clock.sleep(6.0)
+
+    assert bench.world.state().robot.at.y_m > touching_m + 0.3
+    assert bench.world.state().robot.surface_speed_m_s() == 0.0
+
+
+def test_what_is_sent_on_at_once_after_a_bump_draws_back_first_and_arrives() -> None:
+    bench = bumped_and_told_to_stop()
+    bench.aim(AREAS["area_2"].observation[1])
+
+    assert bench.done("navigating").result == "arrived"
+    assert len(bench.world.events) == 1
+
+
+def test_no_point_of_the_robot_goes_faster_than_the_maximum_speed_of_the_graph() -> None:
     bench = Bench(START)
     bench.knowledge.as_agent("adaptation").set("robot", "max_speed", 0.3)
-    speeds: list[float] = []
-    bench.world.watch(lambda state: speeds.append(state.robot.speed_m_s))
+    straight: list[float] = []
+    fastest: list[float] = []
+    bench.world.watch(lambda state: straight.append(state.robot.speed_m_s))
+    bench.world.watch(lambda state: fastest.append(state.robot.surface_speed_m_s()))
     bench.aim(AREAS["area_2"].observation[0])
     assert bench.done("navigating").result == "arrived"
 
-    assert max(speeds) == pytest.approx(0.3)
+    assert max(straight) == pytest.approx(0.3)
+    assert max(fastest) <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("at_m", "gap_m"),
+    [((8.2, 7.6), 0.9), ((8.2, 4.0), 1.0), ((7.4, 6.0), 0.2), ((8.2, 12.0), 10.0)],
+    ids=["before it", "behind it", "beside it", "far away"],
+)
+def test_somebody_around_whom_no_camera_sees_is_nearer_than_the_map_says(at_m: Point, gap_m: float) -> None:
+    bench = Bench(Stand(8.2, 6.0, pi / 2))
+    bench.let_in(at_m)
+    bench.clock.sleep(1.0)
+
+    assert bench.knowledge.get("robot", "strange_gap").value == pytest.approx(gap_m, abs=0.08)
+
+
+@pytest.mark.parametrize("name", [*AREAS, "start"])
+def test_shelves_walls_and_containers_in_their_places_are_not_strange(name: str) -> None:
+    stands = [*AREAS[name].observation, AREAS[name].approach] if name in AREAS else [START]
+    containers = [box(place) for place in AREAS[name].places[:1]] if name in AREAS else []
+    for stand in stands:
+        bench = Bench(stand, containers=tuple(containers))
+
+        assert bench.knowledge.get("robot", "strange_gap").value == 10.0
 
 
 def test_what_is_lifted_moves_with_the_robot_in_the_graph_until_it_is_set_down() -> None:

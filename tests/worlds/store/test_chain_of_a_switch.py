@@ -17,7 +17,7 @@ from codra_dsl.worlds.store.situations import Situation
 from tests.worlds.store.test_loops_of_the_store import told
 
 ACTIONS = ("pick", "deliver", "start", "dock")
-SMOOTH_S, LEAD, HOLD_S, DWELL_S = 1.0, 0.1, 1.0, 5.0
+SMOOTH_S, LEAD, HOLD_S, DWELL_S = 1.0, 0.1, 3.0, 5.0
 RAMPS = {
     ("battery_level", "empty"): (30.0, 10.0),
     ("battery_level", "full"): (10.0, 30.0),

@@ -9,10 +9,12 @@ from typing import Self
 from codra_dsl.experiments.store_run import Compiled
 from codra_dsl.runtime import Record, SimClock
 from codra_dsl.runtime.knowledge import Stage
-from codra_dsl.worlds.store.layout import DELIVERY, START
+from codra_dsl.runtime.trees import Entry, Ports, Result, Scope
+from codra_dsl.worlds.store.layout import AREAS, DELIVERY, START
 from codra_dsl.worlds.store.mission import Mission
 from codra_dsl.worlds.store.picking import Picking
 from codra_dsl.worlds.store.situations import OrderKind, Situation, StoreSettings
+from codra_dsl.worlds.store.state import Whereabouts
 from codra_dsl.worlds.store.store import Store
 from generated import store as spec
 
@@ -96,3 +98,62 @@ def test_an_order_that_is_closed_is_not_taken_back_any_more() -> None:
         shop.clock.sleep(2.0)
 
         assert shop.state(order) == "failed"
+
+
+class Leaves:
+    """The leaves of the mission's tree, called by hand."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        clock = SimClock()
+        codra = stack.enter_context(Compiled.of(spec).start(clock=clock, resources={}, seed=1, record=Record()))
+        self.knowledge = codra.knowledge
+        settings = StoreSettings(situation=Situation.QUIET, shoppers=0)
+        self.page = Store(clock, settings, self.knowledge).page
+        self._robot = Mission(self.knowledge).leaves()
+        self._scope = Scope()
+
+    def call(self, leaf: str, **inputs: str) -> Result:
+        outputs = {name: Entry(name) for name in ("observation_pose", "delivery_pose")}
+        return self._robot.of(leaf).start(Ports(leaf, self._scope, inputs, outputs))
+
+    def taken(self) -> object:
+        self.call("TakeOrder")
+        return self._scope.get("observation_pose")
+
+
+def test_an_order_that_was_left_waits_behind_those_that_were_left_less_often() -> None:
+    with ExitStack() as stack:
+        leaves = Leaves(stack)
+        for area in ("area_1", "area_2"):
+            leaves.page.order(OrderKind.COLLECT, area, DELIVERY.name)
+        taken = []
+        for _ in range(4):
+            taken.append(leaves.taken())
+            leaves.call("SetOrderAside")
+            leaves.call("ResumeOrders")
+
+    assert taken == ["area_1_pose_1", "area_2_pose_1", "area_1_pose_1", "area_2_pose_1"]
+
+
+def test_an_order_that_has_failed_often_enough_is_closed_as_failed_and_the_next_is_served() -> None:
+    with ExitStack() as stack:
+        leaves = Leaves(stack)
+        first, _ = (leaves.page.order(OrderKind.COLLECT, area, DELIVERY.name) for area in ("area_1", "area_2"))
+        leaves.call("TakeOrder")
+        told = [leaves.call("GiveOrderUp", tries="3") for _ in range(3)]
+
+        assert told == [Result.FAILURE, Result.FAILURE, Result.SUCCESS]
+        assert leaves.knowledge.get(first, "state").value == "failed"
+        assert leaves.taken() == "area_2_pose_1"
+
+
+def test_of_a_container_that_was_seen_and_cannot_be_placed_the_base_is_told() -> None:
+    with Shop() as shop:
+        shop.store.page.order(OrderKind.COLLECT, "area_1", DELIVERY.name)
+        assert shop.waits_for("detecting", Stage.FINISHED)
+        shop.store.world.move_container("container_1", AREAS["area_4"].places[0], Whereabouts.FLOOR)
+        assert shop.waits_for("fetching", Stage.FINISHED)
+        shop.clock.sleep(1.0)
+
+        assert shop.store.knowledge.snapshot().handover("fetching").result == "failed"
+        assert shop.store.knowledge.get("base", "base_notice").value == "container_not_placed"

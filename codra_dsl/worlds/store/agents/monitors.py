@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge
+from codra_dsl.worlds.store.agents.surroundings import containers_m, gap_m, moving_points
 from codra_dsl.worlds.store.agents.working import Rounds
 from codra_dsl.worlds.store.body import FRONT, Body, Side
-from codra_dsl.worlds.store.knowledge import pose_of
+from codra_dsl.worlds.store.knowledge import FARTHEST_M, pose_of
 
 PERIOD_S = 0.2
 
@@ -40,16 +41,19 @@ class CameraAgent:
 
 
 class Lasers:
-    """Says how far the nearest thing is before the robot's front and behind its fork."""
+    """Says how far the nearest thing is in front and behind, and all around the nearest that is not on the map."""
 
     def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
         """Say so five times a second."""
+        self._knowledge = knowledge
         self._handle = knowledge.as_agent("lasers")
         self._body = body
         self._rounds = Rounds(clock, PERIOD_S, self._tell)
 
     def _tell(self) -> None:
+        strange_m = gap_m(moving_points(self._body, containers_m(self._knowledge.snapshot())))
         with self._handle.transaction() as change:
+            change.set("robot", "strange_gap", min(strange_m, FARTHEST_M))
             change.set("robot", "front_gap", min(self._gap_m(side) for side in FRONT))
             change.set("robot", "back_gap", self._gap_m(Side.BACK))
 

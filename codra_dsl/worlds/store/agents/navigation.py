@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from codra_dsl.runtime.cell import Reading
-from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.knowledge import Knowledge, Snapshot
-from codra_dsl.worlds.store.agents.surroundings import away, obstacles, room_m
+from codra_dsl.worlds.store.agents.surroundings import away, containers_m, obstacles, people_m, room_m
 from codra_dsl.worlds.store.agents.working import Executor, Rounds
 from codra_dsl.worlds.store.body import Body, Outcome, Stop, Way
 from codra_dsl.worlds.store.geometry import Disc, Point, Stand, wrapped
@@ -50,7 +50,7 @@ class Navigation:
         self._goal = Stand(0.0, 0.0)
         self._tries, self._bumps = 0, 0
         self._way: Way | None = None
-        self._pause: Timer | None = None
+        self._recovered: Callable[[], None] | None = None
         self._halt: Stop | None = None
         self._task = Executor(knowledge, self._handle, "navigating", self._begin, self._stop)
         self._follower = knowledge.follow("robot", "max_speed", self._limit)
@@ -69,6 +69,13 @@ class Navigation:
             self._body.set_max_speed(reading.value)
 
     def _begin(self, snapshot: Snapshot) -> None:
+        """Set off; who draws back from what it has bumped into does that first."""
+        if self._recovered is not None:
+            self._recovered = partial(self._set_off, snapshot)
+        else:
+            self._set_off(snapshot)
+
+    def _set_off(self, snapshot: Snapshot) -> None:
         self._goal = stand_of(snapshot.transform("world", "goal").pose)
         self._tries, self._bumps = 0, 0
         way = snapshot.get("goal", "goal_way")
@@ -78,16 +85,18 @@ class Navigation:
             self._go(())
 
     def _stop(self) -> None:
-        if self._pause is not None:
-            self._pause.cancel()
-        if self._halt is not None:
+        """Stop; but who draws back from what it has bumped into goes on with that, whatever is wanted of it next."""
+        if self._recovered is not None:
+            self._recovered = _nothing
+        elif self._halt is not None:
             self._halt()
 
     # Ways
 
     def _go(self, avoid: tuple[Disc, ...]) -> None:
         try:
-            points = route(self._body.believed(), self._goal, (*self._containers(), *avoid))
+            known = (Disc(point_m, CONTAINER_M / 2) for point_m in self._containers())
+            points = route(self._body.believed(), self._goal, (*known, *avoid))
         except NoRouteError:
             if not avoid:
                 self._task.finish("unreachable")
@@ -114,7 +123,7 @@ class Navigation:
         self._try_again(partial(self._draw_back, self._go_another_way), TRIES)
 
     def _go_another_way(self) -> None:
-        self._go(obstacles(self._body, self._container_points()))
+        self._go(obstacles(self._body, self._containers()))
 
     def _draw_back(self, go_on: Callable[[], None]) -> None:
         """Drive a little away from what is near, straight on or straight back, and go on from there.
@@ -124,21 +133,32 @@ class Navigation:
         if self._bumps:
             go_on()
             return
-        self._draw(away(self._body, DRAW_BACK_M), go_on)
+        self._draw(away(self._body, self._people(), DRAW_BACK_M), self._ending(go_on, go_on, go_on))
 
-    def _return(self, go_on: Callable[[], None]) -> None:
+    def _return(self) -> None:
         """Drive a little to where it has come from: what it has bumped into is where its lasers do not see it."""
         back = Way.FORWARD if self._way is Way.BACKWARD else Way.BACKWARD
-        length_m = min(room_m(self._body, back), DRAW_BACK_M)
-        self._draw((back, length_m) if self._way and length_m > 0.0 else away(self._body, DRAW_BACK_M), go_on)
+        people = self._people()
+        length_m = min(room_m(self._body, people, back), DRAW_BACK_M)
+        step = (back, length_m) if self._way and length_m > 0.0 else away(self._body, people, DRAW_BACK_M)
+        self._draw(step, self._returned)
 
-    def _draw(self, step: tuple[Way, float], go_on: Callable[[], None]) -> None:
+    def _returned(self, outcome: Outcome) -> None:
+        """Do what was to follow; who drove elsewhere meanwhile has drawn back as well."""
+        if outcome is Outcome.BUMPED:
+            self._bumped(_nothing)
+            return
+        go_on, self._recovered = self._recovered, None
+        if go_on is not None:
+            go_on()
+
+    def _draw(self, step: tuple[Way, float], done: Callable[[Outcome], None]) -> None:
         way, length_m = step
         if length_m <= 0.0:
-            go_on()
+            done(Outcome.DONE)
             return
         there_m = self._body.believed().out(length_m if way is Way.FORWARD else -length_m)
-        self._drive((there_m,), way, self._ending(go_on, go_on, go_on))
+        self._drive((there_m,), way, done)
 
     def _drive(self, points_m: Sequence[Point], way: Way, done: Callable[[Outcome], None]) -> None:
         self._way = way
@@ -185,20 +205,21 @@ class Navigation:
         """Stand for a moment, draw back, and go on."""
         self._bumps += 1
         if self._bumps > MOST_BUMPS:
+            self._recovered = None
             self._task.finish("bumped")
             return
-        self._pause = self._clock.call_at(self._clock.now_s() + SETTLE_S, partial(self._return, go_on))
+        if self._recovered is None:
+            self._recovered = go_on
+        self._clock.call_at(self._clock.now_s() + SETTLE_S, self._return)
 
     # What is known
 
-    def _containers(self) -> tuple[Disc, ...]:
-        return tuple(Disc(point_m, CONTAINER_M / 2) for point_m in self._container_points())
+    def _containers(self) -> list[Point]:
+        return containers_m(self._knowledge.snapshot())
 
-    def _container_points(self) -> list[Point]:
-        """Return where containers are known to stand."""
-        snapshot = self._knowledge.snapshot()
-        return [
-            stand_of(snapshot.transform("world", node.name).pose).point_m
-            for node in snapshot.nodes("roll_container")
-            if snapshot.parent(node.name) == "world"
-        ]
+    def _people(self) -> list[Point]:
+        return people_m(self._knowledge.snapshot())
+
+
+def _nothing() -> None:
+    """Be done: nothing is to follow."""

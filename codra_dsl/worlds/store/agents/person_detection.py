@@ -1,13 +1,19 @@
-"""P2's PersonDetectionAgent: who is in the camera's view, where, and near to what."""
+"""P2's PersonDetectionAgent: who is in the camera's view, where, and near to what.
+
+Whom the camera has seen the lasers follow, beside the robot, behind it, and while it turns: they tell where something
+is that is not on the map, but not that it is somebody.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from math import atan2, hypot, sin
+from statistics import fmean
 
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import Knowledge, Transaction
+from codra_dsl.worlds.store.agents.surroundings import containers_m, moving_points
 from codra_dsl.worlds.store.agents.working import Rounds
 from codra_dsl.worlds.store.body import (
     CAMERA_AT,
@@ -27,8 +33,14 @@ NEAR_M = 1.5
 SAME_M = 1.0
 """Nobody gets farther than this from one picture to the next."""
 
+BREADTH_M = 0.3
+"""What the lasers see nearer than this to a point of somebody is of the same person."""
+
+LASERS_FARTHEST_M = 2.5
+"""Who is nearer than this and not met by a laser is not there."""
+
 FORGET_S = 1.5
-"""Somebody who was not seen for so long, where the camera looks, is not there."""
+"""Somebody who was not seen for so long, where the camera or a laser looks, is not there."""
 
 EDGE_M = 0.6
 """Who was last seen so near to the edge of what the camera sees may have left it."""
@@ -52,19 +64,21 @@ class PersonDetection:
 
     def _look(self) -> None:
         picture = self._body.look()
-        if not picture.is_steady:
-            return
+        if not (picture.is_steady or self._seen):
+            return  # nothing is to be seen, and nobody to be followed
         people = [each for each in picture.sightings if each.kind is Seen.PERSON]
         with self._handle.transaction() as change:
             self._follow(change, people)
+            self._follow_by_lasers(change)
             self._forget(change)
             self._relate(change)
             robot = self._body.believed()
             gaps_m = [_distance_m(at_m, robot.point_m) for at_m, _ in self._seen.values()]
-            change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
+            if picture.is_steady or gaps_m:
+                change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
 
     def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
-        robot, now_s = self._body.believed(), self._clock.now_s()
+        robot = self._body.believed()
         free = dict(self._seen)
         for sighting in people:
             at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
@@ -74,8 +88,26 @@ class PersonDetection:
                 name = f"person_{self._count}"
                 change.insert_node(name, "person")
             free.pop(name, None)
-            self._seen[name] = (at_m, now_s)
-            change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
+            self._place(change, name, at_m)
+
+    def _follow_by_lasers(self, change: Transaction) -> None:
+        """Move everybody whom the camera has not seen now to what the lasers see nearest to where they were."""
+        now_s, robot = self._clock.now_s(), self._body.believed()
+        lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
+        if not lost:
+            return
+        strange = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
+        points = [robot.out(*point) for point in strange]
+        for name in lost:
+            was_m = self._seen[name][0]
+            nearest = min(points, key=lambda point: _distance_m(point, was_m), default=None)
+            if nearest is not None and _distance_m(nearest, was_m) < SAME_M:
+                own = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
+                self._place(change, name, (fmean(x for x, _ in own), fmean(y for _, y in own)))
+
+    def _place(self, change: Transaction, name: str, at_m: Point) -> None:
+        self._seen[name] = (at_m, self._clock.now_s())
+        change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
 
     def _forget(self, change: Transaction) -> None:
         now_s, robot = self._clock.now_s(), self._body.believed()
@@ -102,7 +134,9 @@ class PersonDetection:
 
 
 def _is_looked_at(robot: Stand, at_m: Point) -> bool:
-    """Return whether somebody who is at a place, or has gone on from there a little, is in the camera's view."""
+    """Return whether somebody who is at a place, or has gone on from there a little, is met by a laser or in view."""
+    if _distance_m(robot.point_m, at_m) < LASERS_FARTHEST_M:
+        return True
     ahead_m, left_m = Stand(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)
     range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
     return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_M
