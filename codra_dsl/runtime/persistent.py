@@ -101,7 +101,11 @@ class PersistentMap(Generic[KeyT, ValueT]):
             entries = dict(self._whole())
             made._changes = 0
         made._entries = entries
-        _change(entries, changes)
+        for key, value in changes.items():  # as `_change`, which would cost a call
+            if value is not None:
+                entries[key] = value
+            else:
+                entries.pop(key, None)
         return made
 
     def _as_it_was(self, key: KeyT) -> ValueT | None:

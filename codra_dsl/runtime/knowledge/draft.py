@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from codra_dsl.logic import Value
 from codra_dsl.runtime.agents import NotASourceError
-from codra_dsl.runtime.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.geometry import Outcome, Pose
 from codra_dsl.runtime.knowledge.declarations import RT, EdgeModel
-from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, History, Node, made
+from codra_dsl.runtime.knowledge.elements import NO_HISTORIES, Edge, EdgeKey, ElementT, History, Node, made
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Attribute, EdgeType, Words
 from codra_dsl.runtime.model import NotOfTypeError, text
+from codra_dsl.runtime.persistent import PersistentMap
 
 _convert_name = text().converter()
 """Takes a name if it can be written down."""
@@ -32,6 +33,12 @@ class Note(NamedTuple):
     name: str
     what: str
     details: Mapping[str, object]
+
+
+KeyT = TypeVar("KeyT")
+
+_Written = tuple[str | EdgeKey, History, Reading[Value]]
+"""Of which node or edge something was written, the history that was found, which may be an empty one, and what."""
 
 
 class AbsentError(LookupError):
@@ -56,16 +63,10 @@ class Draft:
     """
 
     __slots__ = (
-        "_directory",
-        "_edges",
-        "_frames",
-        "_gone",
-        "_handovers",
         "_new_edges",
         "_new_nodes",
-        "_next_number",
-        "_nodes",
-        "_version",
+        "_state",
+        "_written",
         "agent",
         "deadlines",
         "notes",
@@ -78,19 +79,10 @@ class Draft:
 
     def __init__(self, words: Words, state: State, now_s: float, agent: str, notes: list[Note] | None = None) -> None:
         self.words = words
-        (
-            _,
-            self._version,
-            self._next_number,
-            self._nodes,
-            self._edges,
-            self._directory,
-            self._frames,
-            self._handovers,
-            self._gone,
-        ) = state
+        self._state = state.next(now_s)
         self._new_nodes: dict[str, Node | None] = {}
         self._new_edges: dict[EdgeKey, Edge | None] = {}
+        self._written: list[_Written] = []
         self.agent = agent
         self.now_s = now_s
         self.touched: list[Touched] = []
@@ -101,37 +93,51 @@ class Draft:
 
     def state(self) -> State:
         """Return the state that the changes make; once, and only of a draft that began as the present state."""
-        nodes, edges, directory = self._nodes, self._edges, self._directory
+        state = self._state
+        for key, history, reading in self._written:
+            if isinstance(key, str):
+                self._grow(state.nodes, self._new_nodes, key, history, reading)
+            else:
+                self._grow(state.edges, self._new_edges, key, history, reading)
         if self._new_nodes:
-            nodes = nodes.with_changes(self._new_nodes)
+            state.nodes = state.nodes.with_changes(self._new_nodes)
         if self._new_edges:
-            edges = edges.with_changes(self._new_edges)
+            state.edges = state.edges.with_changes(self._new_edges)
+        directory = state.directory
         if directory.added > directory.most:
-            directory = directory.renewed(nodes, edges)
-        return made(
-            State,
-            (
-                self.now_s,
-                self._version + 1,
-                self._next_number,
-                nodes,
-                edges,
-                directory,
-                self._frames,
-                self._handovers,
-                self._gone,
-            ),
-        )
+            state.directory = directory.renewed(state.nodes, state.edges)
+        return state
+
+    def _grow(
+        self,
+        before: PersistentMap[KeyT, ElementT],
+        changed: dict[KeyT, ElementT | None],
+        key: KeyT,
+        history: History,
+        reading: Reading[Value],
+    ) -> None:
+        """Add a reading to the history of an attribute; if that makes another, the node or edge gets it."""
+        element = changed.get(key) or before[key]
+        known = element.histories.get(history.declared.model.name)
+        longer = (known or history).with_reading(reading, self._state.version)
+        if longer is not known:
+            changed[key] = element.with_history(longer)
+
+    def undo(self) -> None:
+        """Take back what `state` has added to histories, because that state will never be the present one."""
+        for _, history, _ in self._written:
+            history.cut(self._state.version)
 
     def is_of(self, state: State) -> bool:
         """Return whether the draft began as a state."""
-        return self._version == state.version
+        return self._state.version == state.version + 1
 
     def take(self, other: Draft) -> None:
         """Take over what another draft, which began as the same state, has become."""
         for name in Draft.__slots__:
             if name != "now_s":  # it becomes the present state now, not when the other draft was begun
                 setattr(self, name, getattr(other, name))
+        self._state.since_s = self.now_s
 
     # Nodes
 
@@ -145,10 +151,11 @@ class Draft:
         _convert_name(name)
         if self.has_node(name):
             raise PresentError(f"there is a node {name!r} already")
-        number = self._next_number
-        self._next_number = number + 1
-        self._new_nodes[name] = made(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s))
-        self._directory.add_node(name, type_name)
+        state = self._state
+        number = state.next_number
+        state.next_number = number + 1
+        self._new_nodes[name] = made(Node, (name, type_name, number, NO_HISTORIES, self.agent, self.now_s, 0))
+        state.directory.add_node(name, type_name)
         self.touched.append(("node", type_name))
         if self.notes is not None:
             self._note(name, "node_inserted", type=type_name)
@@ -164,10 +171,11 @@ class Draft:
             raise NotASourceError(f"{name!r} stays: context-variables are attributes of it")
         if rights.is_ranked:
             rights.check_rank(self.agent, node.writer, name)
-        for key in sorted({*self._directory.out(name), *self._directory.into(name)}):
+        for key in sorted({*self._state.directory.out(name), *self._state.directory.into(name)}):
             self.remove(key)
-        self._new_nodes[name] = None
-        if name in self._frames:
+        self._new_nodes[name] = None  # and what was written of it is not to be of another that comes by this name
+        self._written = [each for each in self._written if each[0] != name]
+        if name in self._state.frames:
             self._end_frame(name)
         self.touched.append(("node", node.type))
         self.touched.extend((name, attribute) for attribute in node.histories)
@@ -176,40 +184,43 @@ class Draft:
 
     def has_node(self, name: str) -> bool:
         """Return whether there is a node in the draft."""
-        return (self._new_nodes[name] if name in self._new_nodes else self._nodes.get(name)) is not None
+        return (self._new_nodes[name] if name in self._new_nodes else self._state.nodes.get(name)) is not None
 
     def node(self, name: str) -> Node:
         """Return a node as it is in the draft."""
-        found = self._new_nodes[name] if name in self._new_nodes else self._nodes.get(name)
+        found = self._new_nodes[name] if name in self._new_nodes else self._state.nodes.get(name)
         if found is None:
             raise AbsentError(f"there is no node {name!r}")
         return found
 
     def set(self, name: str, attribute: str, value: object, evidence_s: float | None) -> None:
         """Write an attribute of a node."""
-        node = self.node(name)
-        declared = self.words.attribute(node, attribute)
-        if self.agent not in declared.rights.writers:
-            declared.rights.refuse(self.agent, f"{name}.{attribute}")
-        self.write(node, declared, value, evidence_s)
+        history = self.history(name, attribute)
+        if self.agent not in history.declared.rights.writers:
+            history.declared.rights.refuse(self.agent, history.subject)
+        self._write(name, history, value, evidence_s)
 
-    def write(self, node: Node, declared: Attribute, value: object, evidence_s: float | None) -> None:
+    def write(self, name: str, attribute: str, value: object) -> None:
         """Write an attribute of a node, whoever may."""
-        reading = self._reading(node.histories.get(declared.model.name), declared, node.name, value, evidence_s)
-        self.take_in(node, declared, reading)
-        if declared.variable:
+        self._write(name, self.history(name, attribute), value, None)
+
+    def _write(self, name: str, history: History, value: object, evidence_s: float | None) -> None:
+        reading = history.written(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
+        self.take_in(name, history, reading)
+        if history.declared.variable:
             self.shared += (reading,)
         elif self.notes is not None:
-            self._note_reading(declared, reading)
+            self._note_reading(history.declared, reading)
 
-    def take_in(self, node: Node, declared: Attribute, reading: Reading[Value]) -> None:
+    def history(self, name: str, attribute: str) -> History:
+        """Return what is known of an attribute of a node: nothing, if it was not written before this draft."""
+        node = self.node(name)
+        return node.histories.get(attribute) or History(self.words.attribute(node, attribute), f"{name}.{attribute}")
+
+    def take_in(self, name: str, history: History, reading: Reading[Value]) -> None:
         """Add a reading to what is known of an attribute of a node."""
-        name, type_name, number, histories, writer, since_s = node
-        attribute, most = declared.model.name, declared.model.history
-        history = histories.get(attribute)
-        longer = (History() if history is None else history).with_reading(reading, most)
-        self._new_nodes[name] = made(Node, (name, type_name, number, {**histories, attribute: longer}, writer, since_s))
-        self.touched.append((name, attribute))
+        self._written.append((name, history, reading))
+        self.touched.append((name, history.declared.model.name))
 
     # Edges
 
@@ -246,11 +257,12 @@ class Draft:
             )
         if known is not None:
             self._remove_edge(known)
-        number = self._next_number
-        self._next_number = number + 1
-        told = (origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s)
+        state = self._state
+        number = state.next_number
+        state.next_number = number + 1
+        told = (origin, label, target, type_name, number, NO_HISTORIES, self.agent, self.now_s, 0)
         self._new_edges[key] = edge = made(Edge, told)
-        self._directory.add_edge(key)
+        state.directory.add_edge(key)
         self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_edge(edge, "edge_inserted")
@@ -277,19 +289,17 @@ class Draft:
         """Write an attribute of an edge."""
         edge = self.edge(origin, type_name, target)
         declared = self.words.attribute_of_edge(edge, attribute)
-        subject = str(edge)
-        declared.rights.check(self.agent, f"{subject}.{attribute}")
-        history = edge.histories.get(attribute)
-        reading = self._reading(history, declared, subject, value, evidence_s)
-        longer = (History() if history is None else history).with_reading(reading, declared.model.history)
-        self._new_edges[edge.key] = edge._replace(histories={**edge.histories, attribute: longer})
+        history = edge.histories.get(attribute) or History(declared, f"{edge}.{attribute}")
+        declared.rights.check(self.agent, history.subject)
+        reading = history.written(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
+        self._written.append((edge.key, history, reading))
         self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
 
     def _edge_at(self, key: EdgeKey) -> Edge | None:
         changed = self._new_edges
-        return changed[key] if changed and key in changed else self._edges.get(key)
+        return changed[key] if changed and key in changed else self._state.edges.get(key)
 
     def remove(self, key: EdgeKey) -> None:
         """Remove an edge, if it is there, whoever may."""
@@ -324,7 +334,7 @@ class Draft:
         if before is None or before.origin != origin or before.type != type_name or before.writer != self.agent:
             self._place_anew(edge_type, origin, target, pose, stamp_s, before)
         else:
-            self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
+            self._state.frames = self._state.frames.with_pose(target, origin, pose, stamp_s, motion)
         self.touched.append(("frame", target))
         if self.notes is not None:
             told = {"translation_m": list(pose.translation_m), "rotation": list(pose.rotation)}
@@ -338,95 +348,60 @@ class Draft:
         if motion is None or not edge_type.fits(self.node(origin), self.node(target)):
             self.draw(edge_type, origin, target)  # which tells what does not fit
             return
-        self._frames = self._frames.with_pose(target, origin, pose, stamp_s, motion)
-        if self._frames.track(target).newest_s > stamp_s:
+        self._state.frames = self._state.frames.with_pose(target, origin, pose, stamp_s, motion)
+        if self._state.frames.track(target).newest_s > stamp_s:
             return
         if before is not None and (before.origin != origin or before.type != edge_type.model.name):
             self._detach(before)
         self.draw(edge_type, origin, target)
 
     def _check_rank_of_pose(self, edge_type: EdgeType, before: Edge) -> None:
-        standing = self._frames.track(before.target).at(self.now_s)
+        standing = self._state.frames.track(before.target).at(self.now_s)
         if standing is not None and standing.outcome is not Outcome.STALE:
             edge_type.rights.check_rank(self.agent, before.writer, str(before))
 
     def _parent_edge(self, target: str) -> Edge | None:
         """Return the edge on which a node stands now."""
-        if target not in self._frames:
+        if target not in self._state.frames:
             return None
-        parent = self._frames.track(target).parent
+        parent = self._state.frames.track(target).parent
         return None if parent is None else self._edge_at((parent, RT, target))
 
     def _end_frame(self, name: str) -> None:
         """Let a node that is deleted stand nowhere from now on."""
-        track = self._frames.track(name)
+        track = self._state.frames.track(name)
         if not len(track):
-            self._frames = self._frames.without(name)
+            self._state.frames = self._state.frames.without(name)
             return
-        self._frames = self._frames.without_parent(name, max(self.now_s, track.newest_s))
-        self._gone = {**self._still_told(), name: self.now_s}
+        self._state.frames = self._state.frames.without_parent(name, max(self.now_s, track.newest_s))
+        self._state.gone = {**self._still_told(), name: self.now_s}
 
     def _still_told(self) -> Mapping[str, float]:
         """Forget the poses of nodes that were deleted too long ago; return the others and when they were."""
         told: dict[str, float] = {}
-        for name, gone_s in self._gone.items():
+        for name, gone_s in self._state.gone.items():
             if self.has_node(name):
                 continue
-            history_s = self._frames.track(name).motion.history_s
+            history_s = self._state.frames.track(name).motion.history_s
             if gone_s < self.now_s - (history_s if history_s < math.inf else _GONE_S):
-                self._frames = self._frames.without(name)
+                self._state.frames = self._state.frames.without(name)
             else:
                 told[name] = gone_s
         return told
 
     # Within
 
-    def _reading(
-        self, history: History | None, declared: Attribute, subject: str, value: object, evidence_s: float | None
-    ) -> Reading[Value]:
-        """Return what is written now, if it may be after what was; None and NaN are unknown."""
-        now_s, agent = self.now_s, self.agent
-        try:
-            content = None if value is None else declared.convert(value)
-        except NotOfTypeError as error:
-            raise NotOfTypeError(f"{subject}.{declared.model.name}: {error}") from None
-        if evidence_s is None:
-            evidence_s = now_s
-        elif not evidence_s <= now_s:
-            told = f"{subject}.{declared.model.name}"
-            raise ValueError(f"evidence for {told} was taken at {now_s} at the latest, not at {evidence_s}")
-        else:
-            evidence_s = float(evidence_s)
-        if history is None:
-            name = declared.variable or f"{subject}.{declared.model.name}"
-        else:
-            before = history.present
-            name = before.name
-            if before.source != agent and declared.rights.is_ranked and before.at(now_s).known:
-                declared.rights.check_rank(agent, before.source, f"{subject}.{declared.model.name}")
-        if content is None:
-            return Reading(
-                name=name,
-                reason=Reason.REJECTED,
-                evidence_s=evidence_s,
-                start_s=evidence_s,
-                identified_s=now_s,
-                source=agent,
-            )
-        return known_reading(
-            name, content, evidence_s, evidence_s, now_s, evidence_s + declared.model.valid_for_s, agent
-        )
-
     def _remove_edge(self, edge: Edge) -> None:
         if self.words.edge_type(edge.type).model.motion is not None and self._parent_edge(edge.target) == edge:
-            newest_s = self._frames.track(edge.target).newest_s
-            self._frames = self._frames.without_parent(edge.target, max(self.now_s, newest_s))
+            newest_s = self._state.frames.track(edge.target).newest_s
+            self._state.frames = self._state.frames.without_parent(edge.target, max(self.now_s, newest_s))
             self.touched.append(("frame", edge.target))
         self._detach(edge)
 
     def _detach(self, edge: Edge) -> None:
         """Take an edge out of the graph; where its target stood it did stand."""
         self._new_edges[edge.key] = None
+        self._written = [each for each in self._written if each[0] != edge.key]
         self.touched.append(("edge", edge.type))
         if self.notes is not None:
             self._note_edge(edge, "edge_deleted")
@@ -435,11 +410,11 @@ class Draft:
 
     def handover(self, name: str) -> Handover:
         """Return how far a task is in the draft."""
-        return self._handovers.get(name) or Handover(name)
+        return self._state.handovers.get(name) or Handover(name)
 
     def hand_over(self, handover: Handover) -> None:
         """Say how far a task is."""
-        self._handovers = {**self._handovers, handover.task: handover}
+        self._state.handovers = {**self._state.handovers, handover.task: handover}
         if handover.is_open and handover.deadline_s < math.inf:
             self.deadlines += ((handover.deadline_s, handover),)
         if self.notes is not None and handover.stage is not None:

@@ -139,5 +139,4 @@ def _write(draft: Draft, model: TaskModel, before: Handover, after: Handover) ->
     )
     for attribute, was, now in told:
         if was != now:
-            node = draft.node(model.name)
-            draft.write(node, draft.words.attribute(node, attribute), now, None)
+            draft.write(model.name, attribute, now)

@@ -1,7 +1,7 @@
 """P2's Deep State Representation: one graph that all agents write and read (P2, sections 3.1 to 3.3).
 
-The graph is one immutable value. A write makes another value, which shares with the one before all that it did not
-change, and puts it in its place: so a snapshot is a reference, reading takes no lock, and nobody sees half a write.
+The graph is a value, of which each write makes another version. Versions share all that is in both, and histories know
+with which version each reading came: so a snapshot is a reference, reading takes no lock, and nobody sees half a write.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
 from codra_dsl.runtime.knowledge.acting import Acting, RuleError
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
-from codra_dsl.runtime.knowledge.draft import Draft, Touched
+from codra_dsl.runtime.knowledge.draft import Draft, Note, Touched
 from codra_dsl.runtime.knowledge.matching import reads
-from codra_dsl.runtime.knowledge.operations import DEEDS, Operation, Verb, operations_of
+from codra_dsl.runtime.knowledge.operations import DEEDS, SET, Operation, Verb, operations_of
 from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
 from codra_dsl.runtime.knowledge.sharing import Refused, Sharing
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
@@ -39,7 +39,7 @@ ResultT = TypeVar("ResultT")
 SeenT = TypeVar("SeenT")
 
 MOST_PAST = 4_096
-"""Changes of the graph that `at` can go back."""
+"""Instants at which the graph changed that `at` can go back."""
 
 
 class Knowledge:
@@ -71,8 +71,8 @@ class Knowledge:
         self._steps: Clock = clock if sharing is None else sharing.steps
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
-        self._state = State.empty()
-        self._past: deque[State] = deque(maxlen=MOST_PAST)
+        self._state = State.empty(self._step_now_s())
+        self._past = deque([self._state], maxlen=MOST_PAST)
         self._held: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
@@ -179,9 +179,9 @@ class Knowledge:
         if self._held and any(each is reading for each in self._held):
             return  # it is in the graph already, with all that was written with it
         draft = Draft(self._words, self._state, self._step_now_s(), reading.source)
-        node = draft.node(self._words.variables[reading.name])
-        draft.take_in(node, self._words.attribute(node, reading.name), reading)
-        self._hold(draft.state())
+        node = self._words.variables[reading.name]
+        draft.take_in(node, draft.history(node, reading.name), reading)
+        self._hold(draft)
         self._watches.changed(draft.touched)
 
     def in_step(self) -> Snapshot:
@@ -332,8 +332,11 @@ class Knowledge:
         As `_write`, for what is done most: it makes an operation only where somebody is told of it.
         """
         with self._turn:
-            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
+                if verb is SET and self._sharing is None and self._append(agent, given):
+                    return None
+                notes: list[Note] | None = None if self._sharing is None else []
+                draft = Draft(self._words, self._state, self._step_now_s(), agent, notes)
                 result = DEEDS[verb](draft, *given)
             except PermissionError as error:
                 self._refuse(agent, self._refused(Operation(verb, given), str(error)))
@@ -342,14 +345,43 @@ class Knowledge:
                 self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
         return result
 
+    def _append(self, agent: str, given: tuple[Any, ...]) -> bool:
+        """Set an attribute that was written before, in a graph by itself: its history takes it, without a draft.
+
+        Returns:
+            Whether that was possible; if not, nothing has been done.
+        """
+        name, attribute, value, evidence_s = given
+        state = self._state
+        node = state.nodes.get(name)
+        if node is None:
+            return False
+        history = node.histories.get(attribute)
+        if history is None or agent not in history.declared.rights.writers:
+            return False
+        after = state.next(self._step_now_s())
+        reading = history.written(agent, after.since_s, value, evidence_s, state.version)
+        try:
+            longer = history.with_reading(reading, after.version)
+            if longer is not history:
+                after.nodes = state.nodes.with_entry(name, node.with_history(longer))
+            self._state = after
+        except BaseException:  # an interrupt
+            history.cut(after.version)
+            raise
+        self._keep(after)
+        self._watches.changed([(name, attribute)])
+        self._clock.notify()
+        return True
+
     def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
         sharing = self._sharing
         if sharing is None:
-            self._hold(draft.state())
+            self._hold(draft)
         else:
             sharing.tell_input(draft.agent, operations)
-            self._hold(draft.state())
+            self._hold(draft)
             self._held = draft.shared
             try:
                 sharing.commit(draft, self._state.version)
@@ -362,10 +394,22 @@ class Knowledge:
         self._watches.changed(draft.touched)
         self._clock.notify()
 
-    def _hold(self, state: State) -> None:
-        """Put another state in the place of the present one."""
-        self._state = state
-        self._past.append(state)
+    def _hold(self, draft: Draft) -> None:
+        """Put the state that a draft makes in the place of the present one."""
+        try:
+            self._state = state = draft.state()
+        except BaseException:  # an interrupt
+            draft.undo()
+            raise
+        self._keep(state)
+
+    def _keep(self, state: State) -> None:
+        """Keep what is the present state now for `at`; of an instant only the last one can be asked for."""
+        past = self._past
+        if past[-1].since_s == state.since_s:
+            past[-1] = state
+        else:
+            past.append(state)
 
     def _refused(self, operation: Operation, why: str) -> Refused:
         if self._sharing is None:

@@ -11,7 +11,7 @@ from codra_dsl.runtime.cell import Reading
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
 from codra_dsl.runtime.knowledge.declarations import Pattern
 from codra_dsl.runtime.knowledge.draft import AbsentError
-from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, History, Node, present
+from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node, never, present, seen
 from codra_dsl.runtime.knowledge.matching import Match, matches
 from codra_dsl.runtime.knowledge.state import Handover, State
 from codra_dsl.runtime.knowledge.words import Words
@@ -54,7 +54,7 @@ class Snapshot:
         found = self._state.nodes.get(name)
         if found is None:
             raise AbsentError(f"there is no node {name!r}")
-        return found
+        return seen(found, self._state.version)
 
     def nodes(self, type_name: str = "", *, where: Term | None = None) -> tuple[Node, ...]:
         """Return nodes in the order in which they came.
@@ -72,10 +72,10 @@ class Snapshot:
             nodes = self._state.nodes
             among = map(nodes.get, self._state.directory.of_type(type_name))
             found = [node for node in among if node is not None and node.type == type_name]
+        found = [seen(node, self._state.version) for node in found]
         if where is not None and not isinstance(where, Term):
             raise TypeError(f"where is a condition over attributes, not {where!r}")
         if where is not None:
-            found = list(found)
             self._check_attributes(type_name, found, where)
             found = [node for node in found if where.holds(_Attributes(node, self.instant_s))]
         return tuple(sorted(found, key=_number))
@@ -100,7 +100,7 @@ class Snapshot:
             UnknownNameError: if there is no such type of edges.
         """
         for type_name in self._words.types_of_edges(edge):
-            found = self._state.edges.get((origin, self._words.edge_type(type_name).label, target))
+            found = self.edge_of((origin, self._words.edge_type(type_name).label, target))
             if found is not None and found.type == type_name:
                 return found
         raise AbsentError(f"there is no edge {origin} -{edge}-> {target}")
@@ -125,7 +125,7 @@ class Snapshot:
             UnknownNameError: if there is no such type of edges.
         """
         types = self._words.types_of_edges(edge) if edge else None
-        found = map(self._state.edges.get, self._keys(types, origin, target))
+        found = map(self.edge_of, self._keys(types, origin, target))
         return tuple(
             sorted(
                 (
@@ -149,25 +149,26 @@ class Snapshot:
             AbsentError: if there is no such node.
             UnknownNameError: if nodes of its type have no such attribute.
         """
-        node = self.node(name)
+        node = self._state.nodes.get(name) or self.node(name)
         history = node.histories.get(attribute)
         if history is None:
             self._words.attribute(node, attribute)
-            return present(node.histories, name, attribute)
-        reading = history.present
+            return never(name, attribute)
+        reading = history.present(self._state.version)
         return reading if reading.expires_s > self.instant_s else reading.at(self.instant_s)
 
     def get_of_edge(self, origin: str, edge: str, target: str, attribute: str) -> Reading[Any]:
         """Return what is known of an attribute of an edge; it raises what `edge` and `get` do."""
         found = self.edge(origin, edge, target)
         self._words.attribute_of_edge(found, attribute)
-        return present(found.histories, str(found), attribute).at(self.instant_s)
+        return present(found, str(found), attribute).at(self.instant_s)
 
     def history(self, name: str, attribute: str) -> tuple[Reading[Any], ...]:
         """Return the readings of an attribute of a node, by their evidence; it raises what `get` does."""
         node = self.node(name)
         self._words.attribute(node, attribute)
-        return node.histories.get(attribute, History()).all()
+        history = node.histories.get(attribute)
+        return () if history is None else history.all(node.version)
 
     # Geometry
 
@@ -254,7 +255,8 @@ class Snapshot:
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
         """Return the edge that a key names, if there is one."""
-        return self._state.edges.get(key)
+        found = self._state.edges.get(key)
+        return None if found is None else seen(found, self._state.version)
 
     def fresh_until_s(self, a: str, b: str) -> float:
         """Return until when the distance of two nodes is known if nothing is written; infinite if it is not."""
@@ -306,10 +308,10 @@ class _Attributes:
         self._instant_s = instant_s
 
     def value(self, name: str) -> Value | None:
-        return present(self._node.histories, self._node.name, name).at(self._instant_s).content
+        return present(self._node, self._node.name, name).at(self._instant_s).content
 
     def age_s(self, name: str) -> float | None:
-        reading = present(self._node.histories, self._node.name, name).at(self._instant_s)
+        reading = present(self._node, self._node.name, name).at(self._instant_s)
         return reading.age_s(self._instant_s) if reading.known else None
 
 

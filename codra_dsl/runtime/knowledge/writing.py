@@ -12,7 +12,7 @@ from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge.acting import Acting
 from codra_dsl.runtime.knowledge.draft import Draft
 from codra_dsl.runtime.knowledge.handshake import ConflictError
-from codra_dsl.runtime.knowledge.operations import Operation, Verb
+from codra_dsl.runtime.knowledge.operations import INSERT_EDGE, INSERT_NODE, SET, Operation, Verb
 from codra_dsl.runtime.knowledge.state import Request
 from codra_dsl.runtime.knowledge.watching import Change
 from codra_dsl.runtime.subscriptions import Subscription
@@ -40,7 +40,7 @@ class Writer:
         Raises:
             PresentError: if there is a node of this name.
         """
-        self._apply(Verb.INSERT_NODE, (name, type, values))
+        self._apply(INSERT_NODE, (name, type, values))
 
     def delete_node(self, name: str) -> None:
         """Delete a node, and all edges to and from it, whoever wrote them."""
@@ -58,7 +58,7 @@ class Writer:
         Raises:
             ValueError: if the evidence lies in the future.
         """
-        self._apply(Verb.SET, (name, attribute, value, evidence_s))
+        self._apply(SET, (name, attribute, value, evidence_s))
 
     def insert_edge(self, origin: str, type: str, target: str, /, **values: object) -> None:
         """Insert an edge, or write attributes of the one that is there.
@@ -66,7 +66,7 @@ class Writer:
         Raises:
             ValueError: if edges of this type have a pose: these are placed.
         """
-        self._apply(Verb.INSERT_EDGE, (origin, type, target, values))
+        self._apply(INSERT_EDGE, (origin, type, target, values))
 
     def delete_edge(self, origin: str, type: str, target: str) -> None:
         """Delete an edge. A node that stood in another by it stands nowhere from now on."""

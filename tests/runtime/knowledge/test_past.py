@@ -1,0 +1,192 @@
+"""What each version of the graph tells, whatever is written afterwards."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from operator import itemgetter
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.knowledge import AgentHandle, Knowledge
+from codra_dsl.runtime.knowledge.declarations import AttributeModel, EdgeTypeModel, KnowledgeModel, NodeTypeModel, by
+from codra_dsl.runtime.knowledge.knowledge import MOST_PAST
+from codra_dsl.runtime.knowledge.snapshot import Snapshot
+from codra_dsl.runtime.knowledge.writing import Writer
+from codra_dsl.runtime.model import integer
+
+MOST = 3
+
+COUNT = AttributeModel(name="count", type=integer(), sources=by("author"), history=MOST)
+
+MODEL = KnowledgeModel(
+    name="past",
+    node_types=(NodeTypeModel(name="thing", sources=by("author"), attributes=(COUNT,)),),
+    edge_types=(
+        EdgeTypeModel(name="near", origins=("thing",), targets=("thing",), sources=by("author"), attributes=(COUNT,)),
+    ),
+)
+
+FOLDER = str(Path(inspect.getfile(Knowledge)).parent)
+
+EDGE = ("a", "near", "b")
+
+Told = dict[str, list[int]]
+"""Of each node the values of its attribute, in the order of their evidence, and of the edge the present one."""
+
+Step = tuple[str, str, float]
+"""What is done, to which node, and how old its evidence is."""
+
+STEPS = st.tuples(
+    st.sampled_from(["set", "set", "set", "set of edge", "delete"]),
+    st.sampled_from(["a", "b"]),
+    st.sampled_from([0.0, 0.0, 0.5, 1.5]),
+)
+
+
+class Record:
+    """What was written, as lists that are sorted when they are asked."""
+
+    def __init__(self) -> None:
+        self.written: dict[str, list[tuple[float, int]]] = {}
+        self.count = 0
+
+    def told(self) -> Told:
+        told = {name: sorted(each, key=itemgetter(0)) for name, each in self.written.items()}
+        return {name: [count for _, count in each[-1 if name == "edge" else -MOST :]] for name, each in told.items()}
+
+    def take(self, write: Writer, step: Step, now_s: float) -> None:
+        """Take a step on both sides; a node and the edge are there when something is written of them."""
+        what, name, age_s = step
+        self.count += 1
+        if what == "delete":
+            if self.written.pop(name, None) is not None:
+                write.delete_node(name)
+                self.written.pop("edge", None)
+            return
+        for node in (name,) if what == "set" else ("a", "b"):
+            if node not in self.written:
+                write.insert_node(node, "thing")
+                self.written[node] = []
+        if what == "set":
+            write.set(name, "count", self.count, evidence_s=now_s - age_s)
+        else:
+            write.insert_edge(*EDGE)
+            write.set_of_edge(*EDGE, "count", self.count, evidence_s=now_s - age_s)
+        self.written.setdefault(name if what == "set" else "edge", []).append((now_s - age_s, self.count))
+
+
+def told(snapshot: Snapshot) -> Told:
+    """Return what a snapshot tells, which is the same however it is asked."""
+    found: Told = {}
+    for node in snapshot.nodes():
+        readings = snapshot.history(node.name, "count")
+        found[node.name] = [reading.value for reading in readings]
+        assert tuple(node.attributes.values()) == readings[-1:]
+        assert snapshot.get(node.name, "count").content == (readings[-1].value if readings else None)
+    for edge in snapshot.edges():
+        assert list(edge.attributes.values()) == [snapshot.get_of_edge(*EDGE, "count")]
+        found["edge"] = [reading.value for reading in edge.attributes.values()]
+    return found
+
+
+@given(st.lists(st.tuples(st.booleans(), st.lists(STEPS, max_size=4)), max_size=30))
+def test_each_snapshot_tells_for_good_what_was_written_until_then(runs: list[tuple[bool, list[Step]]]) -> None:
+    clock, record = SimClock(100.0), Record()
+    knowledge = Knowledge(MODEL, clock=clock)
+    agent = knowledge.as_agent("author")
+    kept = []
+    for is_one, steps in runs:
+        clock.sleep(1.0)
+        if is_one:
+            with agent.transaction() as write:
+                for step in steps:
+                    record.take(write, step, clock.now_s())
+        else:
+            for step in steps:
+                record.take(agent, step, clock.now_s())
+        kept.append((knowledge.snapshot(), clock.now_s(), record.told()))
+    for snapshot, instant_s, expected in kept:
+        assert told(snapshot) == expected
+        assert told(knowledge.at(instant_s)) == expected
+
+
+def test_nodes_and_histories_tell_for_good_what_they_told_however_much_is_written() -> None:
+    knowledge = Knowledge(MODEL, clock=SimClock())
+    agent = knowledge.as_agent("author")
+    agent.insert_node("a", "thing", count=0)
+    kept = []
+    for count in range(1, 500):
+        agent.set("a", "count", count)
+        kept.append((count, knowledge.snapshot(), knowledge.snapshot().node("a"), knowledge.snapshot().nodes()))
+    for count, snapshot, node, nodes in kept:
+        assert [reading.value for reading in snapshot.history("a", "count")] == list(range(count + 1))[-MOST:]
+        assert [each.attributes["count"].value for each in (node, *nodes)] == [count, count]
+
+
+def test_how_often_the_graph_changes_at_one_instant_does_not_shorten_its_past() -> None:
+    clock = SimClock()
+    knowledge = Knowledge(MODEL, clock=clock)
+    agent = knowledge.as_agent("author")
+    agent.insert_node("a", "thing", count=-1)
+    clock.sleep(1.0)
+    for count in range(MOST_PAST + 1):
+        agent.set("a", "count", count)
+    assert knowledge.at(0.5).get("a", "count").value == -1
+    assert knowledge.at(1.0).get("a", "count").value == MOST_PAST
+
+
+@pytest.mark.parametrize("names", [("a", "b"), ("a",)])
+def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[str, ...]) -> None:
+    knowledge = Knowledge(MODEL, clock=SimClock())
+    agent = knowledge.as_agent("author")
+    for name in (*names, "another"):
+        agent.insert_node(name, "thing", count=0)
+
+    def counts() -> list[int]:
+        return [knowledge.get(name, "count").value for name in names]
+
+    line, found = 1, []
+    while _is_interrupted(agent, names, line):
+        found.append(counts())
+        agent.set("another", "count", line)
+        assert counts() == found[-1]
+        line += 1
+    assert all(len(set(each)) == 1 for each in found)
+    assert {each[0] == line for line, each in enumerate(found, 1)} == {True, False}
+
+
+def _is_interrupted(agent: AgentHandle, names: tuple[str, ...], at_line: int) -> bool:
+    """Write a number to a node, or to several as one; return whether it was interrupted before its end."""
+    left = at_line
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal left
+        if not frame.f_code.co_filename.startswith(FOLDER):
+            return None
+        if event == "line":
+            left -= 1
+            if not left:
+                raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        if len(names) == 1:
+            agent.set(names[0], "count", at_line)
+        else:
+            with agent.transaction() as write:
+                for name in names:
+                    write.set(name, "count", at_line)
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
