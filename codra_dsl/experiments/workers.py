@@ -203,7 +203,6 @@ def _end_of(code: int) -> str:
 def _work(record: TrialRecord, staging: Path, told: connection.Connection) -> None:
     """Run a trial and say what became of it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    os.environ.setdefault("LP_NUM_THREADS", "1")  # more threads of the renderer only take the cores from each other
     tempfile.tempdir = str(staging)
     told.send(_made(record, staging))
     told.close()

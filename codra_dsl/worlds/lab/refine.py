@@ -69,8 +69,10 @@ def _edge_points(image: NDArray[np.float32], corners_px: Array) -> tuple[Array, 
     reach_px = np.clip(_depths_px(corners_px, lengths[..., 0]) * (_REACH_CELLS / 8), *_REACH_PX)
     offsets_px = _ACROSS * reach_px[..., None]
     stations = corners_px[:, :, None, :] + _ALONG[:, None] * sides[:, :, None, :]
-    samples = stations[:, :, :, None, :] + offsets_px[:, :, None, :, None] * outwards[:, :, None, None, :]
-    weights = _steepness(_brightness(image, samples))
+    right_px, down_px = (
+        stations[..., axis, None] + (offsets_px * outwards[..., axis, None])[:, :, None, :] for axis in range(2)
+    )
+    weights = _steepness(_brightness(image, right_px, down_px))
     strength = weights.sum(axis=3)
     middles = (offsets_px[:, :, None, 1:] + offsets_px[:, :, None, :-1]) / 2
     shift_px = (weights * middles).sum(axis=3) / np.maximum(strength, 1e-9)
@@ -91,11 +93,11 @@ def _depths_px(corners_px: Array, lengths_px: Array) -> Array:
     return depths_px
 
 
-def _brightness(image: NDArray[np.float32], samples_px: Array) -> Array:
-    """Return the image at sub-pixel places, shape (n, 4, stations, offsets)."""
-    grid = samples_px.reshape(-1, _OFFSETS, 2).astype(np.float32)
-    values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return values.reshape(samples_px.shape[:-1]).astype(np.float64)
+def _brightness(image: NDArray[np.float32], right_px: Array, down_px: Array) -> Array:
+    """Return the image at sub-pixel places, shape (n, 4, stations, offsets) as theirs."""
+    right, down = (places.reshape(-1, _OFFSETS).astype(np.float32) for places in (right_px, down_px))
+    values = cv2.remap(image, right, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return values.reshape(right_px.shape).astype(np.float64)
 
 
 def _steepness(brightness: Array) -> Array:

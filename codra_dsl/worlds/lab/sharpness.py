@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import atan2, hypot, pi, sqrt
 
 import cv2
@@ -51,6 +52,9 @@ _LINE_WIDENING = 0.3
 """A thin line looks sharper than a step under the same blur; that much of the width is added to make up for it."""
 
 _BLOCK_PX = 16
+
+_FRAMES_KEPT = 8
+"""Observers of several machines look at one frame within an instant or two, so a few frames are enough."""
 
 _ROUGHNESS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
 
@@ -103,8 +107,11 @@ class _Edges:
     noise: float
 
 
+@lru_cache(maxsize=_FRAMES_KEPT)
 def sharpness(frame: Frame) -> float:
     """Return how well a frame would show a small tag: 1 at best, 0 if it shows nothing.
+
+    A frame is judged once however many callers ask.
 
     It is 1 / (1 + blur + darkness + glare), where each is 1 at the limit beyond which the detector begins to miss tags:
     blur by the widths of edges, in two crossed directions at least; darkness by the brightest parts against the noise;
@@ -223,13 +230,13 @@ def _upwards(edges: _Edges, direction: _Direction) -> _Places:
 def _facing(edges: _Edges, direction: _Direction) -> _Edges:
     """Return the edges that a direction crosses at nearly a right angle."""
     off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
-    faces = np.abs(off_rad) < _AIM_RAD
+    faces = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
     return replace(edges, places=edges.places[faces], angles_rad=edges.angles_rad[faces])
 
 
 def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return what `np.mod` does for angles between -2 pi and 2 pi, in a tenth of its time."""
     half_turn = np.float32(pi)
-    angles_rad = np.where(angles_rad >= half_turn, angles_rad - half_turn, angles_rad)
-    angles_rad = np.where(angles_rad <= -half_turn, angles_rad + half_turn, angles_rad)
-    return np.where(angles_rad < 0, angles_rad + half_turn, angles_rad)
+    angles_rad = angles_rad - half_turn * (angles_rad >= half_turn).astype(np.float32)  # `np.where` takes twice as long
+    angles_rad = angles_rad + half_turn * (angles_rad <= -half_turn).astype(np.float32)
+    return angles_rad + half_turn * (angles_rad < 0).astype(np.float32)

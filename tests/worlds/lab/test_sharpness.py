@@ -12,7 +12,7 @@ import pytest
 from codra_dsl.worlds.lab.camera import FrameSource, GreyFrameSource
 from codra_dsl.worlds.lab.layout import MACHINES, Part
 from codra_dsl.worlds.lab.poses import Array
-from codra_dsl.worlds.lab.sharpness import _percentile, sharpness
+from codra_dsl.worlds.lab.sharpness import _modulo_pi, _percentile, sharpness
 from codra_dsl.worlds.lab.sight import GeometricCamera
 from codra_dsl.worlds.lab.tags import detect
 from codra_dsl.worlds.lab.world import LabWorld, Quantity
@@ -161,6 +161,19 @@ def test_a_percentile_is_numpys_very_number() -> None:
         values = random.normal(100.0, 30.0, count).astype(np.float32)
         for percent in (0, 10, 25, 50, 95, 100):
             assert _percentile(values, percent) == float(np.percentile(values, percent))
+
+
+def test_an_angle_modulo_half_a_turn_is_numpys_very_number() -> None:
+    half_turn = np.float32(pi)
+    edges = np.array([-2, -1.5, -1, -0.5, -0.0, 0, 0.5, 1, 1.5], dtype=np.float32) * half_turn
+    angles_rad = np.random.default_rng(5).uniform(-2 * half_turn, 2 * half_turn, 10_000).astype(np.float32)
+    angles_rad = np.concatenate((angles_rad, edges, np.nextafter(edges, half_turn), np.nextafter(edges, -half_turn)))
+    angles_rad = angles_rad[np.abs(angles_rad) < 2 * half_turn]
+
+    folded = _modulo_pi(angles_rad)
+
+    assert folded.dtype == np.float32
+    assert np.array_equal(folded, np.mod(angles_rad, half_turn))
 
 
 def test_a_covered_lens_shows_nothing() -> None:
