@@ -13,12 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.compiler import compile_paths
-from codra_dsl.runtime import SimClock
+from codra_dsl.experiments.loading import load_emitted
+from codra_dsl.runtime import Journal, SimClock
 from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot
 from generated import store
 from generated.store import Store, action_engine, metric_engine
 from generated.store.mape import MAPE
+from tests.runtime.journals import read
 
 ROOT = Path(__file__).parents[1]
 CALM = {
@@ -234,3 +237,49 @@ def _tell(agents: dict[str, object], *, person_distance: float) -> None:
     for agent, values in told.items():
         for name, value in values.items():
             agents[agent].set(name, value)  # type: ignore[attr-defined]
+
+
+# Loops and observers
+
+FAN = """\
+codra: 1
+name: fan
+context:
+  heat: {type: float, range: [0, 40], valid_for: 10 s, terms: {hot: ramp 20 30}}
+  plugged: {type: bool, source: main_execution}
+  rpm: {type: float, range: [0, 3000], source: adaptation}
+perception:
+  feel:
+    call: tests.test_emit_mape:feel
+    returns: {celsius: {type: float, range: [0, 40]}}
+    identifies: {heat: celsius}
+skills:
+  mend: {preview: [plugged]}
+metrics:
+  comfort: {rules: [if heat is hot then low, if heat is not hot then high]}
+adaptation:
+  fan: {set: rpm, value: 3000 if comfort < 0.5 else 300}
+loops:
+  fan: {analyse: [comfort], adapt: [fan]}
+"""
+
+
+def feel(**_: object) -> dict[str, float]:
+    return {"celsius": 20.0}
+
+
+def test_observers_look_at_what_a_loop_decides_on_while_it_runs(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "fan.yaml").write_text(FAN)
+    compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)
+    assert compiled.planned.diagnostics == ()
+    fan = load_emitted(compiled.files, "fan", tmp_path / "made")
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
+        with fan.loops(codra, clock=clock):
+            clock.sleep(3.0)
+            assert (codra.get("heat").value, codra.get("rpm").value) == (20.0, 300.0)
+            assert codra.declared() == {"heat"}
+        assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
