@@ -86,7 +86,7 @@ EDITS = [
     ("to: [roll_container, person], source", "to: [roll_container], source", ["narrowed edge/close_to to"]),
     ("    at: {from: robot", "    at: {label: stands_at, from: robot", ["api edge/at label"]),
     ("extrapolate: 200 ms", "extrapolate: 300 ms", ["redefined edge/robot_pose motion"]),
-    ("extrapolate: 200 ms", "extrapolate: 200 ms, valid_for: 1 s", ["stronger edge/robot_pose valid_for"]),
+    ("valid_for: 2 s, history", "valid_for: 1 s, history", ["stronger edge/robot_pose valid_for"]),
     ("z: 120 cm", "z: 130 cm", ["redefined edge/eye_pose pose"]),
     ("yaw: 180 deg", "yaw: 3.141592653589793 rad", []),
     (
@@ -207,6 +207,5 @@ def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: s
 
 
 def test_a_pose_that_counts_longer_is_trusted_where_it_was_not() -> None:
-    old = BASE.replace("extrapolate: 200 ms", "extrapolate: 200 ms, valid_for: 1 s")
-    (change,) = review(planned(old), planned(BASE)).changes
-    assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "1 s", "forever")
+    (change,) = reviewed(BASE, ("valid_for: 2 s, history", "history")).changes
+    assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")
