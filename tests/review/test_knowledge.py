@@ -207,5 +207,5 @@ def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: s
 
 
 def test_a_pose_that_counts_longer_is_trusted_where_it_was_not() -> None:
-    (change,) = reviewed(BASE, ("valid_for: 2 s, history", "history")).changes
+    (change,) = reviewed(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
     assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")
