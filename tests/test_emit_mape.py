@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 from codra_dsl.compiler import compile_paths
 from codra_dsl.experiments.loading import load_emitted
-from codra_dsl.runtime import Journal, SimClock
+from codra_dsl.runtime import Journal, SimClock, UnknownNameError
 from codra_dsl.runtime.mape.loop import Mape
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot
@@ -268,12 +269,17 @@ def feel(**_: object) -> dict[str, float]:
     return {"celsius": 20.0}
 
 
-def test_observers_look_at_what_a_loop_decides_on_while_it_runs(tmp_path: Path) -> None:
+@pytest.fixture
+def fan(tmp_path: Path) -> Any:
+    """The package of a spec without knowledge, whose loop reads what an observer identifies."""
     (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
     (tmp_path / "fan.yaml").write_text(FAN)
     compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)
     assert compiled.planned.diagnostics == ()
-    fan = load_emitted(compiled.files, "fan", tmp_path / "made")
+    return load_emitted(compiled.files, "fan", tmp_path / "made")
+
+
+def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_path: Path) -> None:
     clock = SimClock()
     with fan.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
         with fan.loops(codra, clock=clock):
@@ -283,3 +289,12 @@ def test_observers_look_at_what_a_loop_decides_on_while_it_runs(tmp_path: Path) 
         assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
+
+
+def test_why_of_an_adaptation_is_told_without_knowledge_too_and_a_slip_is_put_right(fan: Any) -> None:
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}) as codra, fan.loops(codra, clock=clock):
+        clock.sleep(1.0)
+        assert "fan is 300 at 1 s" in str(codra.why("fan"))
+        with pytest.raises(UnknownNameError, match=r"the spec has no variable 'haet': did you mean 'heat'\?"):
+            codra.why("haet")
