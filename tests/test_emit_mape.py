@@ -7,18 +7,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from codra_dsl.compiler import compile_paths
-from codra_dsl.runtime import SimClock
+from codra_dsl.experiments.loading import load_emitted
+from codra_dsl.runtime import Journal, SimClock, UnknownNameError
 from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot
 from generated import store
 from generated.store import Store, action_engine, metric_engine
 from generated.store.mape import MAPE
+from tests.runtime.journals import read
 
 ROOT = Path(__file__).parents[1]
 CALM = {
@@ -234,3 +238,63 @@ def _tell(agents: dict[str, object], *, person_distance: float) -> None:
     for agent, values in told.items():
         for name, value in values.items():
             agents[agent].set(name, value)  # type: ignore[attr-defined]
+
+
+# Loops and observers
+
+FAN = """\
+codra: 1
+name: fan
+context:
+  heat: {type: float, range: [0, 40], valid_for: 10 s, terms: {hot: ramp 20 30}}
+  plugged: {type: bool, source: main_execution}
+  rpm: {type: float, range: [0, 3000], source: adaptation}
+perception:
+  feel:
+    call: tests.test_emit_mape:feel
+    returns: {celsius: {type: float, range: [0, 40]}}
+    identifies: {heat: celsius}
+skills:
+  mend: {preview: [plugged]}
+metrics:
+  comfort: {rules: [if heat is hot then low, if heat is not hot then high]}
+adaptation:
+  fan: {set: rpm, value: 3000 if comfort < 0.5 else 300}
+loops:
+  fan: {analyse: [comfort], adapt: [fan]}
+"""
+
+
+def feel(**_: object) -> dict[str, float]:
+    return {"celsius": 20.0}
+
+
+@pytest.fixture
+def fan(tmp_path: Path) -> Any:
+    """The package of a spec without knowledge, whose loop reads what an observer identifies."""
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "fan.yaml").write_text(FAN)
+    compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)
+    assert compiled.planned.diagnostics == ()
+    return load_emitted(compiled.files, "fan", tmp_path / "made")
+
+
+def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_path: Path) -> None:
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
+        with fan.loops(codra, clock=clock):
+            clock.sleep(3.0)
+            assert (codra.get("heat").value, codra.get("rpm").value) == (20.0, 300.0)
+            assert codra.declared() == {"heat"}
+        assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
+
+
+def test_why_of_an_adaptation_is_told_without_knowledge_too_and_a_slip_is_put_right(fan: Any) -> None:
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}) as codra, fan.loops(codra, clock=clock):
+        clock.sleep(1.0)
+        assert "fan is 300 at 1 s" in str(codra.why("fan"))
+        with pytest.raises(UnknownNameError, match=r"the spec has no variable 'haet': did you mean 'heat'\?"):
+            codra.why("haet")

@@ -259,6 +259,7 @@ def test_a_usual_slip_is_named_with_its_cure(text: str, where: str, message: str
     [
         "(" * (MAX_DEPTH + 1) + "a" + ")" * (MAX_DEPTH + 1),
         "not " * (MAX_DEPTH + 1) + "a",
+        " < ".join(["a"] * (MAX_DEPTH + 2)),
         "-" * 1900 + "a",
         "+".join("a" * 900),
         "1 if a else " * 100 + "2",

@@ -79,7 +79,7 @@ def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
         DsrNode(
             number=numbers[name],
             name=str(name),
-            type=str(data.get(TYPE, _UNTYPED)),
+            type=str(data.get(TYPE) or _UNTYPED),
             attributes=dict(_coded(data, besides[name], f"node {name!r}")),
             extra=besides[name].extra,
         )
@@ -87,6 +87,8 @@ def from_networkx(given: networkx.Graph[Any]) -> DsrGraph:
     ]
     if len({node.name for node in nodes}) < len(nodes):
         raise ExchangeError("two nodes have one name as text: names tell nodes apart")
+    if not all(node.name for node in nodes):
+        raise ExchangeError("a node has no name: give it a text that is not empty")
     extras = _mapping(given.graph.get(DSR, {}), "the graph")
     return DsrGraph(
         nodes=tuple(nodes),

@@ -338,31 +338,20 @@ class Scope:
         """The variables that decisions are based on, where Algorithm 2 starts (P1, its line 3)."""
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
-        named = (name for skill in self.spec.skills for name in watched_by(skill))
+        named = [name for skill in self.spec.skills for name in watched_by(skill)]
+        named += sorted(name for name in self.read_by_loops if name in self.producers)
         return tuple(name for name in dict.fromkeys(named) if name in self.variables)
+
+    @cached_property
+    def read_by_loops(self) -> frozenset[str]:
+        """The variables that rules and conditions of loops read, and those whose rates they read."""
+        conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
+        return self.book.followed(conditions)
 
     @cached_property
     def reached(self) -> frozenset[str]:
         """The variables in force when all decisions are declared; to be asked when all names have been looked at."""
         return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.meant))))
-
-    @property
-    def judges_reach(self) -> bool:
-        """Whether it can be said what no skill needs: some skill is declared, and no key that says more is damaged."""
-        lost = self.lost("skills", "preview", "monitor") or self.lost("perception", *NEED_KEYS, "identifies")
-        lost = lost or self.lost("observers", "identifies") or bool(self.strangers)
-        return bool(self.spec.skills) and not lost
-
-    @cached_property
-    def unreached_settings(self) -> tuple[ObserverSetting, ...]:
-        """The entries under `observers` none of whose variables is reached."""
-        return tuple(
-            setting
-            for setting in self.spec.observers
-            if self.judges_reach
-            and setting.identifies
-            and all(each.name in self.variables and each.name not in self.reached for each in setting.identifies)
-        )
 
     @cached_property
     def mentioned(self) -> frozenset[str]:

@@ -6,6 +6,7 @@ import dataclasses
 import importlib
 import json
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ from codra_dsl.runtime.outline import places_in
 from codra_dsl.units import convert, parse_number, parse_quantity, parse_unit
 
 UNKNOWN = "unknown"
+
+_NAME_AND_VALUE = re.compile(r"((?:[<>=!]=|[^=])*)(=?)(.*)", re.DOTALL)
 
 
 class SweepError(ValueError):
@@ -117,7 +120,7 @@ def held(subject: Subject, said: Sequence[str]) -> dict[str, Value | None]:
     """
     known: dict[str, Value | None] = dict.fromkeys(subject.inputs)
     for each in said:
-        name, equals, text = each.partition("=")
+        name, equals, text = _parted(each)
         if not equals:
             raise SweepError(f"'{each}' says no value: write {name}=VALUE")
         variable = subject.input(name.strip())
@@ -136,7 +139,7 @@ def varied(subject: Subject, said: str, steps: int) -> tuple[Variable, tuple[Val
     Raises:
         SweepError: if it says something that cannot be.
     """
-    name, equals, text = said.partition("=")
+    name, equals, text = _parted(said)
     variable = subject.input(name.strip())
     if not equals:
         return variable, _all_values(variable, steps)
@@ -144,6 +147,12 @@ def varied(subject: Subject, said: str, steps: int) -> tuple[Variable, tuple[Val
     if dots and variable.type.kind in (Kind.FLOAT, Kind.INT):
         return variable, _between(variable, _number(variable, first), _number(variable, last), steps)
     return variable, tuple(value_of(variable, each.strip()) for each in text.split(","))
+
+
+def _parted(said: str) -> tuple[str, str, str]:
+    """Part `NAME=VALUE`; the name of a comparison with poses holds such a sign itself, as in `<=`."""
+    name, equals, text = _NAME_AND_VALUE.fullmatch(said).groups()  # type: ignore[union-attr]  # any text matches
+    return name, equals, text
 
 
 def _all_values(variable: Variable, steps: int) -> tuple[Value, ...]:

@@ -151,6 +151,8 @@ class _Parser:
         while self._next.text in _COMPARISONS:
             operator = Comparison(self._take().text)
             rest.append((operator, self.expression(Power.SUM)))
+            if len(rest) > MAX_DEPTH:  # each link is a condition of its own, in which Python nests those before
+                raise _too_deep(first.start, rest[-1][1].end)
         if self._next.text in ("in", "not"):
             raise self._mixed_chain()
         return Compare(start=first.start, end=rest[-1][1].end, first=first, rest=tuple(rest))

@@ -13,6 +13,9 @@ from codra_dsl.fuzzy.words import KEYWORDS, Hedge
 MAX_DEPTH = 40
 """How deep an antecedent may be nested; `and` and `or` in a row nest too."""
 
+MAX_LEVELS = 100
+"""How many of all these and of hedges may stand in each other; Python reads 200 parentheses at most."""
+
 _TOKEN = r"[()]|[^\s()]+"
 _HEDGES = frozenset(Hedge)
 
@@ -59,11 +62,12 @@ class _Reader:
         self.findings.add("fll-wrong-rule", message, word.place, help)
         raise _Wrong
 
-    def expect(self, keyword: str) -> None:
+    def expect(self, keyword: str) -> Word:
         """Take a keyword."""
         word = self.take()
         if word.text != keyword:
             self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
+        return word
 
     def either(self) -> Antecedent:
         """Read what is joined by `or`."""
@@ -82,6 +86,21 @@ class _Reader:
             self.limit(depth, word)
             left = And(left, self.atom())
         return left
+
+    def condition(self) -> Antecedent:
+        """Read what stands between `if` and `then`."""
+        first = self.expect("if")
+        antecedent = self.either()
+        self.expect("then")
+        self.limit_levels(_levels(antecedent), first)
+        return antecedent
+
+    def limit_levels(self, levels: int, word: Word) -> None:
+        """Refuse what would be nested too deep in Python."""
+        if levels > MAX_LEVELS:
+            message = f"more than {MAX_LEVELS} words that act on each other"
+            self.findings.add("fll-too-large", message, word.place, "split the rule")
+            raise _Wrong
 
     def limit(self, depth: int, word: Word) -> None:
         """Refuse what is nested too deep."""
@@ -116,7 +135,9 @@ class _Reader:
         """Read what a variable is: `hedges term`."""
         hedges: list[Hedge] = []
         while self.peek() in _HEDGES:
-            hedges.append(Hedge(self.take().text))
+            word = self.take()
+            hedges.append(Hedge(word.text))
+            self.limit_levels(len(hedges), word)
             if side is Side.ANTECEDENT and hedges[-1] is Hedge.ANY:
                 return Proposition(variable=variable, hedges=tuple(hedges))
         term = self.take()
@@ -151,13 +172,23 @@ class _Reader:
         return weight
 
 
+def _levels(antecedent: Antecedent) -> int:
+    """Return how many operators and hedges stand in each other, in the deepest place."""
+    deepest, left = 0, [(antecedent, 0)]
+    while left:
+        part, level = left.pop()
+        if isinstance(part, Proposition):
+            deepest = max(deepest, level + len(part.hedges))
+        else:
+            left += [(part.left, level + 1), (part.right, level + 1)]
+    return deepest
+
+
 def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
     """Return a rule, or None after a finding that leaves no rule; unknown names are reported and kept."""
     reader = _Reader(list(split(text, _TOKEN)), text, all_terms, outputs, findings)
     try:
-        reader.expect("if")
-        antecedent = reader.either()
-        reader.expect("then")
+        antecedent = reader.condition()
         return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
     except _Wrong:
         return None
@@ -172,9 +203,7 @@ def parse_rule_about(
     """
     reader = _Reader(list(split(text, _TOKEN)), text, all_terms, {output: terms}, findings)
     try:
-        reader.expect("if")
-        antecedent = reader.either()
-        reader.expect("then")
+        antecedent = reader.condition()
         if reader.peek() == output:
             reader.take()
             reader.expect("is")

@@ -100,7 +100,7 @@ def _rectangle(start: float, end: float) -> Extent:
 
 
 def _half_ellipse(start: float, end: float) -> Extent:
-    return Extent(open=((start, end),), full=(((start + end) / 2.0, (start + end) / 2.0),))
+    return Extent(open=((min(start, end), max(start, end)),), full=(((start + end) / 2.0, (start + end) / 2.0),))
 
 
 def _edge(start: float, direction: float) -> Extent:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from typing import TypeVar
 
 from codra_dsl.diagnostics import suggest
@@ -182,7 +183,28 @@ def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
     if not is_right or not all(map(math.isfinite, (*values, height))):
         _report(reader, name, node, f"{shown(node.text)} has not the numbers of its shape", _form_of(word, shape))
         return None
+    fault, cure = _fault(shape, values)
+    if fault:
+        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_form_of(word, shape)}{cure}")
+        return None
     return Term(name=name, shape=shape, parameters=values, height=height)
+
+
+def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
+    """Return why numbers make no shape though they are as many, and what is to be so; FuzzyLite lets it be 0 or NaN."""
+    in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
+    if any(one > other for one, other in pairwise(in_order)):
+        return "has its numbers out of order", " from left to right"
+    for name, value in zip(shape.value.names, values, strict=False):
+        if name.startswith(("width", "standard_deviation")) and value <= 0.0:
+            return "has no width", f", {name.upper()} above 0"
+    if shape is Shape.Ramp and values[0] == values[1]:
+        return "begins where it ends", "; a step is 'binary START DIRECTION'"
+    return "", ""
+
+
+_ORDERED = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
+"""The shapes whose corners stand from left to right."""
 
 
 def _report(reader: Reader, name: str, node: ScalarNode, message: str, way_out: str) -> None:

@@ -147,6 +147,11 @@ class Motion:
     valid_for_s: float | None = None
     is_static: bool = False
 
+    @property
+    def valid_s(self) -> float:
+        """Return how long the newest pose counts; that of a static edge does so for good."""
+        return math.inf if self.is_static or self.valid_for_s is None else self.valid_for_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartingPose:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from codra_dsl.check import Types
 from codra_dsl.check.knowledge.world import Thing, World
@@ -14,6 +14,7 @@ from codra_dsl.model import (
     Attribute,
     Condition,
     EdgeType,
+    Motion,
     NodeElement,
     NodeType,
     Reference,
@@ -162,9 +163,21 @@ class _Comparison:
         yield from self._written("edges")
         yield from self._attributes("edges", old.attributes, new.attributes)
         if old.motion is not None and new.motion is not None:
-            message = "its poses are kept or continued otherwise"
-            yield from self._told("motion", Category.REDEFINED, message, old.motion, new.motion)
+            yield from self._motion(old.motion, new.motion)
             yield from self._told("pose", Category.REDEFINED, "it stands elsewhere from the start", old.pose, new.pose)
+
+    def _motion(self, old: Motion, new: Motion) -> Iterator[Change]:
+        """Compare how poses are kept, and how long they count: conditions that ask for them are known as long."""
+        yield from self._lasting("valid_for", "its last pose counts", old.valid_s, new.valid_s)
+        rest = replace(old, valid_for_s=new.valid_for_s)
+        yield from self._told("motion", Category.REDEFINED, "its poses are kept or continued otherwise", rest, new)
+
+    def _lasting(self, key: str, what: str, old_s: float, new_s: float) -> Iterator[Change]:
+        if old_s != new_s:
+            longer = new_s > old_s
+            category = Category.WEAKER if longer else Category.STRONGER
+            message = f"{what} {'longer' if longer else 'for less time'}"
+            yield self._change(category, key, message, seconds(old_s), seconds(new_s))
 
     def _ends(self, key: str, old: Iterable[Reference], new: Iterable[Reference]) -> Iterator[Change]:
         before, after = [each.name for each in old], [each.name for each in new]
@@ -281,13 +294,7 @@ class _Comparison:
             yield self._change(Category.NARROWED, key, "has lost values", was, now)
         if gained:
             yield self._change(Category.WIDENED, key, "has new values", was, now)
-        if old.valid_for_s != new.valid_for_s:
-            longer = new.valid_for_s > old.valid_for_s
-            category = Category.WEAKER if longer else Category.STRONGER
-            message = f"evidence stands {'longer' if longer else 'for less time'}"
-            yield self._change(
-                category, f"{key}.valid_for", message, seconds(old.valid_for_s), seconds(new.valid_for_s)
-            )
+        yield from self._lasting(f"{key}.valid_for", "evidence stands", old.valid_for_s, new.valid_for_s)
         if old.history != new.history:
             fewer = new.history < old.history
             message = f"{'fewer' if fewer else 'more'} readings are kept"

@@ -227,14 +227,13 @@ class ContextManager(Generic[VariableName, SkillName]):
         """Return why a variable is what it is: from its value to the evidence, or from unknown to what is missing.
 
         Args:
-            name: the variable.
+            name: the variable; also a course, a parameter or an action of a loop, or a part of knowledge.
             at_s: an instant of the past that the record still holds; now, if None.
 
         Raises:
+            UnknownNameError: if there is none of this name, and nothing had become of one by then.
             ValueError: if the instant lies in the future, or before what the record holds.
         """
-        if self._knowledge is None:
-            self._model(name)
         with self._lock:
             now_s, record = self._clock.now_s(), self.record.copy()
         if at_s is not None and not at_s <= now_s:

@@ -143,6 +143,7 @@ WRONG = {
     "node 'a'.pose: DSR has no type for object": digraph(("a", {"pose": object()})),
     "node 'a'.pose: DSR has no type for tuple": digraph(("a", {"pose": (1.0, "x")})),
     "two nodes have one name as text": digraph((1, {}), ("1", {})),
+    "a node has no name": digraph(("a", {}), ("", {})),
     "two nodes have one number": digraph(("a", {"dsr": {"number": 1}}), ("b", {"dsr": {"number": 1}})),
     "node 'a': 'dsr' holds no number and codes": digraph(("a", {"dsr": {"number": -1}})),
     "node 'a': 'dsr' holds what is none of ours": digraph(("a", {"dsr": 7})),
@@ -191,3 +192,9 @@ def test_graphml_that_was_damaged_is_read_or_told_and_never_a_traceback(data: so
     except ExchangeError as error:
         told = str(error)
         assert told.startswith("f")
+
+
+def test_a_node_whose_type_says_nothing_is_read_as_one_without_and_can_be_written() -> None:
+    read = from_networkx(digraph(("a", {"type": ""})))
+    assert [node.type for node in read.nodes] == ["node"]
+    assert parse_graphml(graphml_text(read)) == read

@@ -179,3 +179,25 @@ def test_an_observer_of_which_no_skill_needs_anything_is_found_instead_of_its_va
 def test_without_skills_every_observer_is_made() -> None:
     watch = "observers:\n  watch: {identifies: [state], period: 5 s}\n"
     assert told(edited("", ("skills:\n", ""), more=watch)) == []
+
+
+LOOPS = """\
+metrics:
+  comfort:
+    rules: [if state is full and told is true then high, if state is not full or told is false then low]
+adaptation:
+  pace: {set: speed, value: 1 if comfort > 0.5 and near else 2}
+loops:
+  house: {analyse: [comfort], adapt: [pace]}
+"""
+SPEED = ("agents:", "  speed: {type: float, range: [0, 2], source: adaptation}\nagents:")
+
+
+def test_what_loops_read_is_needed_and_what_they_work_out_is_for_programs() -> None:
+    skills = "  use: {preview: [payload]}\n"
+    assert told(edited(skills, SPEED, more=LOOPS), "unreached-variable") == [("unreached-variable", "loaded")]
+
+
+def test_of_rules_that_cannot_be_understood_nobody_knows_what_they_need() -> None:
+    text = edited("  use: {preview: [payload]}\n", SPEED, more=LOOPS.replace("is full and", "is fool and"))
+    assert told(text, "unreached-variable") == []

@@ -211,6 +211,24 @@ safety is constant
     )
 
 
+POSES = """\
+knowledge:
+  nodes: {world: world, truck: truck, ramp: ramp}
+  edges:
+    truck_pose: {label: RT, from: world, to: truck, source: laser, valid_for: 2 s}
+    ramp_pose: {label: RT, from: world, to: ramp, static: true}
+"""
+
+
+def test_a_comparison_with_poses_is_an_input_by_its_own_text(truck: Path) -> None:
+    near = "distance(truck, ramp) <= 1 m"
+    truck.write_text(TRUCK.replace("tripped == true", f'"{near}"') + POSES)
+    printed = swept(truck, "--vary", near, "--with", "visitors=0", "--with", "load=empty", "--with", "distance=8")
+    assert "go -> wait between false and true" in printed
+    printed = swept(truck, "--vary", "load", "--with", f"{near}=true", "--with", "visitors=0", "--with", "distance=8")
+    assert f"{near} = true" in printed.splitlines()[0]
+
+
 def test_what_nothing_is_said_of_is_unknown(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "visitors=0,4", "--with", "load=empty", "--with", "tripped=unknown")

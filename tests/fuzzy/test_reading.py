@@ -176,6 +176,36 @@ def test_hostile_text_is_refused_with_a_place(data: bytes, expected: str) -> Non
     assert told(data)[0].startswith(expected)
 
 
+def nested(parentheses: int, joined: int) -> str:
+    """Return an antecedent whose every parenthesis stands at the head of a row."""
+    text = "heat is hot"
+    for _ in range(parentheses):
+        text = f"({text}{' and heat is not cold' * joined})"
+    return text
+
+
+@pytest.mark.parametrize(
+    ("rule", "is_read"),
+    [
+        (f"if heat is {'not ' * 100}hot then speed is fast", True),
+        (f"if heat is {'not ' * 101}hot then speed is fast", False),
+        (f"if {nested(25, 3)} and heat is {'very ' * 95}hot then speed is {'somewhat ' * 100}fast", True),
+        (f"if {nested(25, 5)} then speed is fast", False),
+        (f"if heat is hot then speed is {'very ' * 101}fast", False),
+    ],
+)
+def test_the_deepest_rule_that_is_read_is_one_that_python_reads(rule: str, is_read: bool) -> None:
+    lines = GOOD.splitlines()
+    at = next(number for number, line in enumerate(lines) if line.startswith("  rule: "))
+    read = read_fll("\n".join([*lines[:at], f"  rule: {rule}", *lines[at + 1 :]]).encode(), "fan.fll")
+
+    if is_read:
+        assert read.engine is not None
+        compile(compile_engine(read.engine), "fan.py", "exec")
+    else:
+        assert [(each.code, each.place.span.line) for each in read.findings] == [("CDR2202", at + 1)]
+
+
 def test_findings_are_bounded() -> None:
     assert len(told("Engine: a\n" + "x\n" * 5000)) == MAX_FINDINGS
 

@@ -9,6 +9,7 @@ import pytest
 from codra_dsl.compiler import plan_text
 from codra_dsl.diagnostics import has_errors
 from codra_dsl.review import Broken, Level, Review, Version, review
+from codra_dsl.review.changes import Category
 from tests.review.versions import planned, reviewed
 
 ROOT = Path(__file__).parents[2]
@@ -85,6 +86,7 @@ EDITS = [
     ("to: [roll_container, person], source", "to: [roll_container], source", ["narrowed edge/close_to to"]),
     ("    at: {from: robot", "    at: {label: stands_at, from: robot", ["api edge/at label"]),
     ("extrapolate: 200 ms", "extrapolate: 300 ms", ["redefined edge/robot_pose motion"]),
+    ("valid_for: 2 s, history", "valid_for: 1 s, history", ["stronger edge/robot_pose valid_for"]),
     ("z: 120 cm", "z: 130 cm", ["redefined edge/eye_pose pose"]),
     ("yaw: 180 deg", "yaw: 3.141592653589793 rad", []),
     (
@@ -202,3 +204,8 @@ def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: s
     assert (
         sorted(f"{each.category} {each.element.removeprefix('bay/')} {each.key}" for each in found.changes) == changes
     )
+
+
+def test_a_pose_that_counts_longer_is_trusted_where_it_was_not() -> None:
+    (change,) = reviewed(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
+    assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -79,6 +79,17 @@ class RuleBook:
         """Return the variables that the rules of an output name, in order."""
         read = (each.rule for each in self.rules[section, output] if each.rule is not None)
         return tuple(dict.fromkeys(each.variable for rule in read for each in propositions(rule.antecedent)))
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether every rule could be understood."""
+        return not any(each.problems for rules in self.rules.values() for each in rules)
+
+    def followed(self, names: Iterable[str]) -> frozenset[str]:
+        """Return all that the rules read, and these names; of a rate also the variable that it follows from."""
+        read = {*names, *(name for key in self.rules for name in self.named(*key))}
+        rates = (self.variables[name].rate for name in read if name in self.variables)
+        return frozenset(read | {rate.of.name for rate in rates if rate is not None})
 
     def seen(self, section: str) -> Iterator[Variable]:
         """Yield what the rules of metrics, or of actions, can name: context, courses, and for actions also metrics."""

@@ -6,26 +6,32 @@ from collections.abc import Iterator, Mapping
 
 from codra_dsl.check.knowledge.owners import reads
 from codra_dsl.check.quality.exclusion import excluded_previews
+from codra_dsl.check.quality.reach import judges_reach, unreached_settings
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Place, Related
-from codra_dsl.model import ObserverSetting, Skill, Variable
+from codra_dsl.model import ADAPTER, ANALYST, ObserverSetting, Skill, Variable
 
 MAX_TOLD = 5
 """How many further places of one kind a finding names."""
 
 
 def unreached_variables(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
-    """What no skill needs, directly or through others, is not observed; without skills everything is."""
-    if not scope.judges_reach:
+    """What no skill or loop needs, directly or through others, is not observed; without skills everything is.
+
+    What loops bring along or set is there for programs to follow.
+    """
+    if not judges_reach(scope):
         return
-    of_observers = {name for setting in scope.unreached_settings for name in _named(setting)}
+    of_observers = {name for setting in unreached_settings(scope) for name in _named(setting)}
     of_agents = {
         thing.name for agent in scope.spec.agents for thing in reads(scope.world, agent) if thing.section == "context"
     }
     for variable in scope.variables.values():
         name = variable.name
-        told = variable.posed is not None or name in of_observers or name in scope.spec.damaged.get("context", ())
+        told = name in scope.read_by_loops or any(source.name in (ADAPTER, ANALYST) for source in variable.sources)
+        told = told or variable.posed is not None or name in of_observers
+        told = told or name in scope.spec.damaged.get("context", ())
         told = told or (name in of_agents and name not in scope.producers)
         if name not in scope.reached and not told and faults.sound("context", name):
             message, way_out = f"no skill needs context-variable '{name}'", "name it under 'preview' or 'monitor'"

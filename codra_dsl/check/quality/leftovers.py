@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from codra_dsl.check.mentions import source_mentions
+from codra_dsl.check.quality.reach import unreached_settings
 from codra_dsl.check.rules import finding
 from codra_dsl.check.scope import MAIN_EXECUTION, OBSERVER, Faults, Scope
 from codra_dsl.diagnostics import Diagnostic, Related
@@ -17,7 +18,7 @@ _PARAMETER = re.compile(r"\$\(\w+\)")
 
 def unreached_observers(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """What `observers` sets up is made: some skill needs one of its variables."""
-    for setting in scope.unreached_settings:
+    for setting in unreached_settings(scope):
         if faults.sound("observers", setting.name):
             named = " and ".join(f"'{reference.name}'" for reference in setting.identifies)
             yield finding(

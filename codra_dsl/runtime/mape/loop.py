@@ -195,6 +195,8 @@ class Loop:
         self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
+        self._party = f"loop {loop.name}"
+        self._declares: Sequence[str] = ()
         self._idle = threading.Event()
         self._idle.set()
 
@@ -231,6 +233,7 @@ class Loop:
         self.planning.resume()
         self._tell(self._loop.name, "started", {})
         watched = self.planning.watches()
+        self._declare(watched)
         if watched:
             self._subscription = self._codra.subscribe(watched, lambda _: self._changed())
         self._wake_at(self._clock.now_s())
@@ -249,7 +252,16 @@ class Loop:
         self._idle.wait(self._longest_abort_s())
         for tree in self.trees.values():
             tree.halt()
+        if self._declares:
+            self._codra.inputs.leave(self._party)
         self._tell(self._loop.name, "stopped", {})
+
+    def _declare(self, watched: Sequence[str]) -> None:
+        """Let the observers look that identify what is followed: a loop decides on it (P1, Equation 4)."""
+        identified = {name for each in self._codra.model.observers for name in each.identifies}
+        self._declares = [name for name in watched if name in identified]
+        for name in self._declares:
+            self._codra.inputs.declare(name, self._party)
 
     def _longest_abort_s(self) -> float:
         return max((each.abort_s for each in self.planning.courses.values()), default=0.0)

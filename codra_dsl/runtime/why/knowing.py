@@ -39,7 +39,7 @@ def explain_knowledge(outline: Outline, ledger: Ledger, name: str, at_s: float) 
     Raises:
         UnknownNameError: if nothing had become of it by then.
     """
-    name = _named(ledger, name)
+    name = _named(outline, ledger, name)
     past = ledger.knowledge[name]
     reading = _reading(name, past, ledger, at_s)
     unit = str(past["written"].details.get("unit") or "") if "written" in past else ""
@@ -84,7 +84,7 @@ def _drawn(entry: tuple[str, _Past]) -> tuple[float, int]:
     return _order(entry[1]["edge_inserted"]) if "edge_inserted" in entry[1] else (-math.inf, 0)
 
 
-def _named(ledger: Ledger, name: str) -> str:
+def _named(outline: Outline, ledger: Ledger, name: str) -> str:
     """Return the name of a thing as events have it: an edge may be called by its label."""
     origin, arrow, rest = name.partition(" -")
     label, _, target = rest.partition("-> ")
@@ -97,7 +97,8 @@ def _named(ledger: Ledger, name: str) -> str:
         is_between = arrow and other.startswith(f"{origin} -") and other.endswith(f"-> {target}")
         if is_between and any(event.details.get("label") == label for event in past.values()):
             return other
-    raise _of_no_one_thing(ledger, name) or unknown("variable, and no knowledge up to then,", name, ledger.knowledge)
+    kind = "variable, and no knowledge up to then," if ledger.knowledge else "variable"
+    raise _of_no_one_thing(ledger, name) or unknown(kind, name, (*outline.variables, *ledger.knowledge))
 
 
 def _of_no_one_thing(ledger: Ledger, name: str) -> UnknownNameError | None:
