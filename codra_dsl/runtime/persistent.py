@@ -96,11 +96,11 @@ class PersistentMap(Generic[KeyT, ValueT]):
                 before[key] = entries.get(key)
             self._before, self._own = before, None
             made._changes = self._changes + len(changes)
+            made._entries = entries
             self._later = made  # from here on its readers look at what was before
         else:
-            entries = dict(self._whole())
+            made._entries = entries = dict(self._whole())
             made._changes = 0
-        made._entries = entries
         for key, value in changes.items():  # as `_change`, which would cost a call
             if value is not None:
                 entries[key] = value

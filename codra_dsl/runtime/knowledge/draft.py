@@ -37,8 +37,8 @@ class Note(NamedTuple):
 
 KeyT = TypeVar("KeyT")
 
-_Written = tuple[str | EdgeKey, History, Reading[Value]]
-"""Of which node or edge something was written, the history that was found, which may be an empty one, and what."""
+_Written = list[tuple[History, Reading[Value]]]
+"""What was written of a node or edge, each with the history that was found, which may be an empty one."""
 
 
 class AbsentError(LookupError):
@@ -82,7 +82,7 @@ class Draft:
         self._state = state.next(now_s)
         self._new_nodes: dict[str, Node | None] = {}
         self._new_edges: dict[EdgeKey, Edge | None] = {}
-        self._written: list[_Written] = []
+        self._written: dict[str | EdgeKey, _Written] = {}
         self.agent = agent
         self.now_s = now_s
         self.touched: list[Touched] = []
@@ -94,11 +94,11 @@ class Draft:
     def state(self) -> State:
         """Return the state that the changes make; once, and only of a draft that began as the present state."""
         state = self._state
-        for key, history, reading in self._written:
+        for key, written in self._written.items():
             if isinstance(key, str):
-                self._grow(state.nodes, self._new_nodes, key, history, reading)
+                self._grow(state.nodes, self._new_nodes, key, written)
             else:
-                self._grow(state.edges, self._new_edges, key, history, reading)
+                self._grow(state.edges, self._new_edges, key, written)
         if self._new_nodes:
             state.nodes = state.nodes.with_changes(self._new_nodes)
         if self._new_edges:
@@ -113,20 +113,21 @@ class Draft:
         before: PersistentMap[KeyT, ElementT],
         changed: dict[KeyT, ElementT | None],
         key: KeyT,
-        history: History,
-        reading: Reading[Value],
+        written: _Written,
     ) -> None:
-        """Add a reading to the history of an attribute; if that makes another, the node or edge gets it."""
+        """Add readings to the histories of attributes; if that makes others, the node or edge gets them."""
         element = changed.get(key) or before[key]
-        known = element.histories.get(history.declared.model.name)
-        longer = (known or history).with_reading(reading, self._state.version)
-        if longer is not known:
-            changed[key] = element.with_history(longer)
+        for history, reading in written:
+            known = element.histories.get(history.declared.model.name)
+            longer = (known or history).with_reading(reading, self._state.version)
+            if longer is not known:
+                changed[key] = element = element.with_history(longer)
 
     def undo(self) -> None:
         """Take back what `state` has added to histories, because that state will never be the present one."""
-        for _, history, _ in self._written:
-            history.cut(self._state.version)
+        for written in self._written.values():
+            for history, reading in written:
+                history.cut(reading)
 
     def is_of(self, state: State) -> bool:
         """Return whether the draft began as a state."""
@@ -174,7 +175,7 @@ class Draft:
         for key in sorted({*self._state.directory.out(name), *self._state.directory.into(name)}):
             self.remove(key)
         self._new_nodes[name] = None  # and what was written of it is not to be of another that comes by this name
-        self._written = [each for each in self._written if each[0] != name]
+        self._written.pop(name, None)
         if name in self._state.frames:
             self._end_frame(name)
         self.touched.append(("node", node.type))
@@ -219,7 +220,7 @@ class Draft:
 
     def take_in(self, name: str, history: History, reading: Reading[Value]) -> None:
         """Add a reading to what is known of an attribute of a node."""
-        self._written.append((name, history, reading))
+        self._written.setdefault(name, []).append((history, reading))
         self.touched.append((name, history.declared.model.name))
 
     # Edges
@@ -292,7 +293,7 @@ class Draft:
         history = edge.histories.get(attribute) or History(declared, f"{edge}.{attribute}")
         declared.rights.check(self.agent, history.subject)
         reading = history.written(self.agent, self.now_s, value, evidence_s, self._state.version - 1)
-        self._written.append((edge.key, history, reading))
+        self._written.setdefault(edge.key, []).append((history, reading))
         self.touched.append(("edge", type_name))
         if self.notes is not None:
             self._note_reading(declared, reading, f"{origin} -{type_name}-> {target}.{attribute}")
@@ -401,7 +402,7 @@ class Draft:
     def _detach(self, edge: Edge) -> None:
         """Take an edge out of the graph; where its target stood it did stand."""
         self._new_edges[edge.key] = None
-        self._written = [each for each in self._written if each[0] != edge.key]
+        self._written.pop(edge.key, None)
         self.touched.append(("edge", edge.type))
         if self.notes is not None:
             self._note_edge(edge, "edge_deleted")

@@ -103,9 +103,9 @@ class History:
         del longer._told[:-most]
         return longer
 
-    def cut(self, version: int) -> None:
-        """Forget what came with a version."""
-        self._told = [each for each in self._told if each[0] != version]
+    def cut(self, reading: Reading[Value]) -> None:
+        """Forget a reading, which came with a version that will never be the present one."""
+        self._told = [each for each in self._told if each[1] is not reading]
 
 
 class Node(NamedTuple):

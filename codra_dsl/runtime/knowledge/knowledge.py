@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from itertools import chain
 from typing import Any, TypeVar
 
 from codra_dsl.logic import Value
@@ -40,6 +41,10 @@ SeenT = TypeVar("SeenT")
 
 MOST_PAST = 4_096
 """Instants at which the graph changed that `at` can go back."""
+
+
+class _OvertakenError(Exception):
+    """While something was written, the same thread wrote something else: in the handler of a signal, for example."""
 
 
 class Knowledge:
@@ -72,7 +77,7 @@ class Knowledge:
         self._step_now_s = self._steps.now_s
         self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
         self._state = State.empty(self._step_now_s())
-        self._past = deque([self._state], maxlen=MOST_PAST)
+        self._past: deque[State] = deque(maxlen=MOST_PAST - 1)
         self._held: Sequence[Reading[Value]] = ()
         self._audit = Audit()
         self._watches = Watches()
@@ -124,8 +129,9 @@ class Knowledge:
         if not instant_s <= self._now_s():
             raise ValueError(f"it is {self._now_s()} now: what is at {instant_s} is not known yet")
         with self._turn:
-            found = next((state for state in reversed(self._past) if state.since_s <= instant_s), None)
-            begin_s = self._past[0].since_s
+            states = chain((self._state,), reversed(self._past))
+            found = next((state for state in states if state.since_s <= instant_s), None)
+            begin_s = self._past[0].since_s if self._past else self._state.since_s
         if found is None:
             raise ValueError(f"the graph is held from {begin_s} s on, not from {instant_s}: a journal has the rest")
         return Snapshot(self._words, found, instant_s)
@@ -181,7 +187,7 @@ class Knowledge:
         draft = Draft(self._words, self._state, self._step_now_s(), reading.source)
         node = self._words.variables[reading.name]
         draft.take_in(node, draft.history(node, reading.name), reading)
-        self._hold(draft)
+        self._hold_draft(draft)
         self._watches.changed(draft.touched)
 
     def in_step(self) -> Snapshot:
@@ -284,14 +290,14 @@ class Knowledge:
         draft = Draft(self._words, base, self._now_s(), name)
 
         def attempt(operation: Operation) -> Any:
-            with self._turn:  # histories grow in one thread at a time
-                try:
-                    return operation.apply(draft)
-                except PermissionError as error:
-                    self._refuse(name, self._refused(operation, str(error)))
-                    raise
+            draft.now_s = self._step_now_s()  # evidence may have been taken since the transaction began
+            try:
+                return operation.apply(draft)
+            except PermissionError as error:
+                self._refuse(name, self._refused(operation, str(error)))
+                raise
 
-        transaction = Transaction(attempt)
+        transaction = Transaction(attempt, self._turn)
         try:
             yield transaction
         finally:
@@ -316,14 +322,17 @@ class Knowledge:
     def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
         with self._turn:
-            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
+            draft = self._draft(agent)
             try:
                 result = change(draft)
             except PermissionError as error:
                 self._refuse(agent, self._refused(draft.operation, str(error)))
                 raise
-            if draft.touched:
-                self._commit(draft, operations)
+            try:
+                if draft.touched:
+                    self._commit(draft, operations)
+            except _OvertakenError:
+                return self._write(agent, change, operations)
         return result
 
     def _do(self, agent: str, verb: Verb, given: tuple[Any, ...]) -> Any:
@@ -335,15 +344,21 @@ class Knowledge:
             try:
                 if verb is SET and self._sharing is None and self._append(agent, given):
                     return None
-                notes: list[Note] | None = None if self._sharing is None else []
-                draft = Draft(self._words, self._state, self._step_now_s(), agent, notes)
+                draft = self._draft(agent)
                 result = DEEDS[verb](draft, *given)
             except PermissionError as error:
                 self._refuse(agent, self._refused(Operation(verb, given), str(error)))
                 raise
-            if draft.touched:
-                self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
+            try:
+                if draft.touched:
+                    self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
+            except _OvertakenError:
+                return self._do(agent, verb, given)
         return result
+
+    def _draft(self, agent: str) -> Draft:
+        notes: list[Note] | None = None if self._sharing is None else []
+        return Draft(self._words, self._state, self._step_now_s(), agent, notes)
 
     def _append(self, agent: str, given: tuple[Any, ...]) -> bool:
         """Set an attribute that was written before, in a graph by itself: its history takes it, without a draft.
@@ -361,15 +376,18 @@ class Knowledge:
             return False
         after = state.next(self._step_now_s())
         reading = history.written(agent, after.since_s, value, evidence_s, state.version)
+        if self._state is not state:
+            return False
         try:
             longer = history.with_reading(reading, after.version)
             if longer is not history:
                 after.nodes = state.nodes.with_entry(name, node.with_history(longer))
-            self._state = after
-        except BaseException:  # an interrupt
-            history.cut(after.version)
+            self._hold(state, after)
+        except BaseException as error:  # an interrupt
+            history.cut(reading)
+            if isinstance(error, _OvertakenError):
+                return False
             raise
-        self._keep(after)
         self._watches.changed([(name, attribute)])
         self._clock.notify()
         return True
@@ -378,10 +396,10 @@ class Knowledge:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
         sharing = self._sharing
         if sharing is None:
-            self._hold(draft)
+            self._hold_draft(draft)
         else:
             sharing.tell_input(draft.agent, operations)
-            self._hold(draft)
+            self._hold_draft(draft)
             self._held = draft.shared
             try:
                 sharing.commit(draft, self._state.version)
@@ -394,22 +412,24 @@ class Knowledge:
         self._watches.changed(draft.touched)
         self._clock.notify()
 
-    def _hold(self, draft: Draft) -> None:
+    def _hold_draft(self, draft: Draft) -> None:
         """Put the state that a draft makes in the place of the present one."""
+        before = self._state
+        if not draft.is_of(before):
+            raise _OvertakenError
         try:
-            self._state = state = draft.state()
+            self._hold(before, draft.state())
         except BaseException:  # an interrupt
             draft.undo()
             raise
-        self._keep(state)
 
-    def _keep(self, state: State) -> None:
-        """Keep what is the present state now for `at`; of an instant only the last one can be asked for."""
-        past = self._past
-        if past[-1].since_s == state.since_s:
-            past[-1] = state
-        else:
-            past.append(state)
+    def _hold(self, before: State, after: State) -> None:
+        """Put a state in the place of the present one, which is kept for `at` if it is the last of its instant."""
+        if before.since_s != after.since_s:
+            self._past.append(before)
+        if self._state is not before:
+            raise _OvertakenError
+        self._state = after
 
     def _refused(self, operation: Operation, why: str) -> Refused:
         if self._sharing is None:

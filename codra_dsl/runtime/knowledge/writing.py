@@ -139,16 +139,19 @@ class Transaction(Writer):
     far. If the graph has changed by the end, it is all done again on what is there then.
     """
 
-    __slots__ = ("_attempt", "_done", "_error")
+    __slots__ = ("_attempt", "_done", "_error", "_is_over", "_turn")
 
-    def __init__(self, attempt: Callable[[Operation], Any]) -> None:
+    def __init__(self, attempt: Callable[[Operation], Any], turn: AbstractContextManager[object]) -> None:
         """Begin with no change.
 
         Args:
-            attempt: applies an operation to a draft that nobody else sees.
+            attempt: applies an operation to a draft that nobody else sees; who calls it has the turn.
+            turn: of the graph. The transaction ends in it as well, so nothing is written while it becomes visible.
         """
         super().__init__(self._do)
         self._attempt = attempt
+        self._turn = turn
+        self._is_over = False
         self._done: list[tuple[Operation, Any]] = []
         self._error: BaseException | None = None
 
@@ -159,17 +162,21 @@ class Transaction(Writer):
 
     def _do(self, verb: Verb, given: tuple[Any, ...]) -> Any:
         operation = Operation(verb, given)
-        try:
-            result = self._attempt(operation)
-        except BaseException as error:
-            self._error = error
-            raise
-        self._done.append((operation, result))
+        with self._turn:
+            if self._is_over:
+                raise PermissionError("this transaction is over: begin another")
+            try:
+                result = self._attempt(operation)
+            except BaseException as error:
+                self._error = error
+                raise
+            self._done.append((operation, result))
         return result
 
     def end(self) -> None:
         """Take no more changes."""
-        self._apply = _over
+        with self._turn:
+            self._is_over = True
 
     def check(self) -> None:
         """Raise what a change raised, though the program may have caught it: then nothing becomes visible."""
@@ -198,10 +205,6 @@ def closed(name: str) -> NoReturn:
 
 def _closed(name: str, _verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
     closed(name)
-
-
-def _over(_verb: Verb, _given: tuple[Any, ...]) -> NoReturn:
-    raise PermissionError("this transaction is over: begin another")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import inspect
 import sys
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
 from operator import itemgetter
 from pathlib import Path
 from types import FrameType
@@ -20,6 +23,7 @@ from codra_dsl.runtime.knowledge.knowledge import MOST_PAST
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.writing import Writer
 from codra_dsl.runtime.model import integer
+from codra_dsl.runtime.persistent import PersistentMap
 
 MOST = 3
 
@@ -33,7 +37,7 @@ MODEL = KnowledgeModel(
     ),
 )
 
-FOLDER = str(Path(inspect.getfile(Knowledge)).parent)
+FILES = (str(Path(inspect.getfile(Knowledge)).parent), inspect.getfile(PersistentMap))
 
 EDGE = ("a", "near", "b")
 
@@ -142,6 +146,48 @@ def test_how_often_the_graph_changes_at_one_instant_does_not_shorten_its_past() 
     assert knowledge.at(1.0).get("a", "count").value == MOST_PAST
 
 
+def test_evidence_may_be_taken_while_a_transaction_goes_on() -> None:
+    clock = SimClock()
+    knowledge = Knowledge(MODEL, clock=clock)
+    with knowledge.as_agent("author").transaction() as write:
+        write.insert_node("a", "thing")
+        clock.sleep(2.0)
+        write.set("a", "count", 1, evidence_s=1.5)
+    assert knowledge.get("a", "count").evidence_s == 1.5
+
+
+def test_who_writes_in_a_transaction_as_it_ends_is_told_that_it_is_over_and_changes_nothing() -> None:
+    knowledge = Knowledge(MODEL, clock=SimClock())
+    agent = knowledge.as_agent("author")
+    agent.insert_node("a", "thing")
+    transactions, refused = ExitStack(), []
+    write = transactions.enter_context(agent.transaction())
+    write.insert_node("b", "thing")
+
+    def write_in_another_thread() -> None:
+        try:
+            write.insert_node("c", "thing")
+        except PermissionError as error:
+            refused.append(str(error))
+
+    thread = threading.Thread(target=write_in_another_thread)
+
+    class Ending:
+        """A number; while the graph reads it, nobody else can write to it."""
+
+        def item(self) -> int:
+            if thread.ident is None:
+                thread.start()
+                thread.join(0.05)  # it waits for its turn
+                transactions.close()
+            return 1
+
+    agent.set("a", "count", Ending())
+    thread.join()
+    assert refused == ["this transaction is over: begin another"]
+    assert [node.name for node in knowledge.snapshot().nodes()] == ["a", "b"]
+
+
 @pytest.mark.parametrize("names", [("a", "b"), ("a",)])
 def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[str, ...]) -> None:
     knowledge = Knowledge(MODEL, clock=SimClock())
@@ -154,6 +200,7 @@ def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[
 
     line, found = 1, []
     while _is_interrupted(agent, names, line):
+        assert [knowledge.at(0.0).get(name, "count").value for name in names] == counts()
         found.append(counts())
         agent.set("another", "count", line)
         assert counts() == found[-1]
@@ -162,31 +209,77 @@ def test_what_is_interrupted_anywhere_is_there_whole_or_not_at_all(names: tuple[
     assert {each[0] == line for line, each in enumerate(found, 1)} == {True, False}
 
 
-def _is_interrupted(agent: AgentHandle, names: tuple[str, ...], at_line: int) -> bool:
-    """Write a number to a node, or to several as one; return whether it was interrupted before its end."""
-    left = at_line
+@pytest.mark.parametrize("names", [("a", "b"), ("a",)])
+def test_what_the_handler_of_a_signal_writes_within_a_write_is_written_as_well(names: tuple[str, ...]) -> None:
+    """Python runs handlers between steps of its own, such as where a call begins, in the thread that writes."""
+    knowledge = Knowledge(MODEL, clock=SimClock())
+    agent = knowledge.as_agent("author")
+    for name in (*names, "of the handler"):
+        agent.insert_node(name, "thing", count=0)
+    held: list[Snapshot] = []
+    kept: list[tuple[Snapshot, list[int]]] = []
 
-    def trace(frame: FrameType, event: str, _: Any) -> Any:
+    def counts(snapshot: Snapshot) -> list[int]:
+        return [node.attributes["count"].value for node in snapshot.nodes()]
+
+    def handle() -> None:
+        agent.set("of the handler", "count", call)
+        agent.set("a", "count", -call)
+        agent.insert_node(f"inserted {call}", "thing", count=call)
+        held.append(knowledge.snapshot())
+
+    call = 1
+    while _is_hit(agent, names, "call", call, handle):
+        present = knowledge.snapshot()
+        kept += [(held[-1], counts(held[-1])), (present, counts(present))]
+        assert {present.get(name, "count").value for name in names} <= {call, -call}
+        assert present.get("of the handler", "count").value == call
+        assert len(present) == len(names) + 1 + call
+        call += 1
+    assert len(held) == call - 1 > 5
+    assert all(counts(snapshot) == then for snapshot, then in kept)
+
+
+def _interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def _is_interrupted(agent: AgentHandle, names: tuple[str, ...], at_line: int) -> bool:
+    try:
+        return _is_hit(agent, names, "line", at_line, _interrupt)
+    except KeyboardInterrupt:
+        return True
+
+
+def _is_hit(agent: AgentHandle, names: tuple[str, ...], event: str, at: int, happen: Callable[[], object]) -> bool:
+    """Write a number to a node, or to several as one, while something happens before a line, or as a call begins.
+
+    Returns:
+        Whether the write came so far.
+    """
+    left = at
+
+    def trace(frame: FrameType, kind: str, _: Any) -> Any:
         nonlocal left
-        if not frame.f_code.co_filename.startswith(FOLDER):
+        if not frame.f_code.co_filename.startswith(FILES):
             return None
-        if event == "line":
+        if kind == event:
             left -= 1
             if not left:
-                raise KeyboardInterrupt
+                sys.settrace(before)
+                happen()
+                return None
         return trace
 
     before = sys.gettrace()
     sys.settrace(trace)
     try:
         if len(names) == 1:
-            agent.set(names[0], "count", at_line)
+            agent.set(names[0], "count", at)
         else:
             with agent.transaction() as write:
                 for name in names:
-                    write.set(name, "count", at_line)
-    except KeyboardInterrupt:
-        return True
+                    write.set(name, "count", at)
     finally:
         sys.settrace(before)
-    return False
+    return left <= 0
