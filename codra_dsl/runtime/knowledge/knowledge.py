@@ -322,7 +322,7 @@ class Knowledge:
     def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
         """Apply a change, and tell those who watch."""
         with self._turn:
-            draft = self._draft(agent)
+            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
             try:
                 result = change(draft)
             except PermissionError as error:
@@ -344,7 +344,8 @@ class Knowledge:
             try:
                 if verb is SET and self._sharing is None and self._append(agent, given):
                     return None
-                draft = self._draft(agent)
+                notes: list[Note] | None = None if self._sharing is None else []
+                draft = Draft(self._words, self._state, self._step_now_s(), agent, notes)
                 result = DEEDS[verb](draft, *given)
             except PermissionError as error:
                 self._refuse(agent, self._refused(Operation(verb, given), str(error)))
@@ -355,10 +356,6 @@ class Knowledge:
             except _OvertakenError:
                 return self._do(agent, verb, given)
         return result
-
-    def _draft(self, agent: str) -> Draft:
-        notes: list[Note] | None = None if self._sharing is None else []
-        return Draft(self._words, self._state, self._step_now_s(), agent, notes)
 
     def _append(self, agent: str, given: tuple[Any, ...]) -> bool:
         """Set an attribute that was written before, in a graph by itself: its history takes it, without a draft.
