@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import atan2, hypot, inf, pi, sqrt
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
 from codra_dsl.worlds.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
 from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
 from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
+from codra_dsl.worlds.store.strangers import bodies_m, gaps_m
 
 DEFAULT_MAX_SPEED_M_S = 1.0
 BACKWARD_M_S = 0.3
@@ -37,6 +38,15 @@ LANE_M = 0.42
 
 FORK_LANE_M = 0.15
 """Half the lane that must be free for its empty fork: a container's wheels stand beside it."""
+
+TOUCH_M = 0.03
+"""No motion brings the robot so near to a body that lasers show a part of, unless it leads away from it."""
+
+FORESEEN_S = 0.5
+"""So far a motion is followed to see whether it does; it takes less to stop."""
+
+SEEN_WITHIN_M = 1.8
+"""What is met farther from its axle cannot be touched so soon."""
 
 PATIENCE_S = 8.0
 """How long it stands before something in its way until it gives up."""
@@ -228,7 +238,12 @@ def _nearer(now: float, wish: float, faster: float, slower: float) -> float:
 
 
 def _freed(wish: Wish, senses: Senses) -> Wish:
-    """Return as much of a wish as the safety lasers allow."""
+    """Return as much of a wish as the safety lasers allow: the lane must be free, and nobody may be touched."""
+    free = _in_lane(wish, senses)
+    return Wish() if free != Wish() and _touches(free, senses) else free
+
+
+def _in_lane(wish: Wish, senses: Senses) -> Wish:
     if wish.speed_m_s == 0.0:
         is_turning_free = wish.turn_rate_rad_s == 0.0 or _room_to_turn(senses)
         return wish if is_turning_free else Wish()
@@ -239,6 +254,30 @@ def _freed(wish: Wish, senses: Senses) -> Wish:
     if limit_m_s < 0.02:
         return Wish()
     return Wish(speed_m_s=sign * min(abs(wish.speed_m_s), limit_m_s), turn_rate_rad_s=wish.turn_rate_rad_s)
+
+
+def _touches(wish: Wish, senses: Senses) -> bool:
+    """Return whether a motion brings any part of the robot too near to somebody, and nearer than it is.
+
+    Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
+    """
+    scans = [senses.scan(side) for side in Side]
+    bodies = bodies_m(scans, senses.believed, SEEN_WITHIN_M)
+    now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
+    for step in range(1, round(FORESEEN_S / STEP_S) + 1):
+        there = _moved(wish, step * STEP_S)
+        east, north = cos(there.heading_rad), sin(there.heading_rad)
+        seen = (bodies - there.point_m) @ np.array([[east, -north], [north, east]])
+        then_m = gaps_m(seen, is_loaded=senses.is_loaded)
+        if ((then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)).any():
+            return True
+    return False
+
+
+def _moved(wish: Wish, duration_s: float) -> Stand:
+    """Return where a motion leads, from where the robot is."""
+    turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
+    return Stand(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
 
 
 def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
