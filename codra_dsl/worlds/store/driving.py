@@ -12,9 +12,9 @@ from math import atan2, cos, hypot, inf, pi, sin, sqrt
 import numpy as np
 
 from codra_dsl.worlds.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
-from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
+from codra_dsl.worlds.store.geometry import Floats, Point, Stand, wrapped
 from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
-from codra_dsl.worlds.store.strangers import bodies_m, gaps_m
+from codra_dsl.worlds.store.strangers import PLACES_M, bodies_m, gaps_m, is_strange
 
 DEFAULT_MAX_SPEED_M_S = 1.0
 BACKWARD_M_S = 0.3
@@ -44,9 +44,6 @@ TOUCH_M = 0.03
 
 FORESEEN_S = 0.5
 """So far a motion is followed to see whether it does; it takes less to stop."""
-
-SEEN_WITHIN_M = 1.8
-"""What is met farther from its axle cannot be touched so soon."""
 
 PATIENCE_S = 8.0
 """How long it stands before something in its way until it gives up."""
@@ -262,22 +259,26 @@ def _touches(wish: Wish, senses: Senses) -> bool:
     Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
     """
     scans = [senses.scan(side) for side in Side]
-    bodies = bodies_m(scans, senses.believed, SEEN_WITHIN_M)
+    bodies = np.concatenate([bodies_m(scan) for scan in scans])
     now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
+    is_touched = np.zeros(len(bodies), dtype=bool)
     for step in range(1, round(FORESEEN_S / STEP_S) + 1):
-        there = _moved(wish, step * STEP_S)
-        east, north = cos(there.heading_rad), sin(there.heading_rad)
-        seen = (bodies - there.point_m) @ np.array([[east, -north], [north, east]])
-        then_m = gaps_m(seen, is_loaded=senses.is_loaded)
-        if ((then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)).any():
-            return True
-    return False
+        then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
+        is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
+    met = np.concatenate([scan.points_m() for scan in scans])[is_touched]
+    return bool(is_strange(met, senses.believed, PLACES_M).any())
 
 
 def _moved(wish: Wish, duration_s: float) -> Stand:
     """Return where a motion leads, from where the robot is."""
     turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
     return Stand(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
+
+
+def _seen_from(there: Stand, points_m: Floats) -> Floats:
+    east, north = cos(there.heading_rad), sin(there.heading_rad)
+    seen: Floats = (points_m - there.point_m) @ np.array([[east, -north], [north, east]])
+    return seen
 
 
 def _limited(wish: Wish, max_speed_m_s: float) -> Wish:

@@ -5,10 +5,11 @@ Lasers meet the near side of somebody only, and beside the fork little of that: 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import cos, sin
 
 import numpy as np
+import numpy.typing as npt
 
 from codra_dsl.worlds.store.body import Scan
 from codra_dsl.worlds.store.geometry import Floats, Point, Stand
@@ -31,35 +32,25 @@ PLACES_M = tuple(place.point_m for area in AREAS.values() for place in area.plac
 """Where containers are kept."""
 
 
-def is_strange(points_m: Floats, robot: Stand, containers_m: Sequence[Point]) -> Floats:
+def is_strange(points_m: Floats, robot: Stand, containers_m: Sequence[Point]) -> npt.NDArray[np.bool_]:
     """Return which of some points, in the robot's frame, neither the map nor a container explains; shape (points,)."""
     if not len(points_m):
         return np.zeros(0, dtype=bool)
     east, north = cos(robot.heading_rad), sin(robot.heading_rad)
     on_map = points_m @ np.array([[east, north], [-north, east]]) + robot.point_m
-    strange = clearances_m(on_map) > OFF_MAP_M
+    strange: npt.NDArray[np.bool_] = clearances_m(on_map) > OFF_MAP_M
     if containers_m:
         apart_m = np.linalg.norm(on_map[:, None] - np.array(containers_m), axis=2)
         strange &= (apart_m >= OF_CONTAINER_M).all(axis=1)
     return strange
 
 
-def bodies_m(scans: Iterable[Scan], robot: Stand, within_m: float) -> Floats:
-    """Return the middles of bodies that may stand behind what lasers meet, in the robot's frame; shape (bodies, 2).
-
-    Args:
-        scans: of the lasers.
-        robot: where it believes it stands.
-        within_m: how far from the robot's axle what lasers meet may be.
-    """
-    found = []
-    for scan in scans:
-        points = scan.points_m()
-        near = points[np.hypot(points[:, 0], points[:, 1]) < within_m]
-        met = near[is_strange(near, robot, PLACES_M)]
-        ways = met - (scan.mount.x_m, scan.mount.y_m)
-        found.append(met + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9))
-    return np.concatenate(found)
+def bodies_m(scan: Scan) -> Floats:
+    """Return for each point that a laser meets the middle of a body whose near side it would be; shape (points, 2)."""
+    points = scan.points_m()
+    ways = points - (scan.mount.x_m, scan.mount.y_m)
+    found: Floats = points + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
+    return found
 
 
 def gaps_m(bodies: Floats, *, is_loaded: bool) -> Floats:

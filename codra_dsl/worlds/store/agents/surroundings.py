@@ -48,7 +48,8 @@ def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) 
     ranges_m = np.hypot(points[:, 0], points[:, 1])
     order = np.argsort(ranges_m, kind="stable")
     near: Floats = points[order[ranges_m[order] < WITHIN_M]]
-    return near[is_strange(near, body.believed(), known_m)]
+    strange: Floats = near[is_strange(near, body.believed(), known_m)]
+    return strange
 
 
 def moving_points(body: Body, known_m: Sequence[Point]) -> Floats:
