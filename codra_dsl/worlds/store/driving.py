@@ -14,7 +14,7 @@ import numpy as np
 from codra_dsl.worlds.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
 from codra_dsl.worlds.store.geometry import Floats, Point, Stand, wrapped
 from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
-from codra_dsl.worlds.store.strangers import PLACES_M, bodies_m, gaps_m, is_strange
+from codra_dsl.worlds.store.strangers import PLACES_M, bodies_m, gaps_m, is_seen_through, is_strange
 
 DEFAULT_MAX_SPEED_M_S = 1.0
 BACKWARD_M_S = 0.3
@@ -258,15 +258,19 @@ def _touches(wish: Wish, senses: Senses) -> bool:
 
     Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
     """
-    scans = [senses.scan(side) for side in Side]
-    bodies = np.concatenate([bodies_m(scan) for scan in scans])
+    return any(_touches_before(senses.scan(side), wish, senses) for side in Side)
+
+
+def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
+    """Return the same of bodies of which one laser meets the near side."""
+    bodies = bodies_m(scan)
     now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
     is_touched = np.zeros(len(bodies), dtype=bool)
     for step in range(1, round(FORESEEN_S / STEP_S) + 1):
         then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
         is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
-    met = np.concatenate([scan.points_m() for scan in scans])[is_touched]
-    return bool(is_strange(met, senses.believed, PLACES_M).any())
+    is_touched[is_touched] = is_strange(scan.points_m()[is_touched], senses.believed, PLACES_M)
+    return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
 
 
 def _moved(wish: Wish, duration_s: float) -> Stand:

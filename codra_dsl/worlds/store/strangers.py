@@ -28,6 +28,9 @@ OF_CONTAINER_M = 0.6
 PERSON_M = 0.25
 """The radius of somebody's body."""
 
+CORE_M = 0.2
+"""Through what is nearer than this to the middle of a body no ray goes, with the noise of a laser."""
+
 PLACES_M = tuple(place.point_m for area in AREAS.values() for place in area.places)
 """Where containers are kept."""
 
@@ -51,6 +54,17 @@ def bodies_m(scan: Scan) -> Floats:
     ways = points - (scan.mount.x_m, scan.mount.y_m)
     found: Floats = points + PERSON_M * ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-9)
     return found
+
+
+def is_seen_through(scan: Scan, bodies: Floats) -> npt.NDArray[np.bool_]:
+    """Return where no body can be, for a ray of a laser goes in where its core would be; shape (bodies,)."""
+    turns = scan.bearings_rad + scan.mount.heading_rad
+    to_body = bodies - (scan.mount.x_m, scan.mount.y_m)
+    along_m = np.stack((np.cos(turns), np.sin(turns)), axis=1) @ to_body.T
+    depth_m2 = CORE_M**2 - ((to_body**2).sum(axis=1) - along_m**2)
+    entry_m = along_m - np.sqrt(np.maximum(depth_m2, 0.0))
+    passed: npt.NDArray[np.bool_] = (depth_m2 > 0.0) & (along_m > 0.0) & (scan.ranges_m[:, None] > entry_m)
+    return passed.any(axis=0)
 
 
 def gaps_m(bodies: Floats, *, is_loaded: bool) -> Floats:
