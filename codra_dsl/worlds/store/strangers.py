@@ -63,8 +63,9 @@ def is_seen_through(scan: Scan, bodies: Floats) -> npt.NDArray[np.bool_]:
     along_m = np.stack((np.cos(turns), np.sin(turns)), axis=1) @ to_body.T
     depth_m2 = CORE_M**2 - ((to_body**2).sum(axis=1) - along_m**2)
     entry_m = along_m - np.sqrt(np.maximum(depth_m2, 0.0))
-    passed: npt.NDArray[np.bool_] = (depth_m2 > 0.0) & (along_m > 0.0) & (scan.ranges_m[:, None] > entry_m)
-    return passed.any(axis=0)
+    is_passed = (depth_m2 > 0.0) & (along_m > 0.0) & (scan.ranges_m[:, None] > entry_m)
+    found: npt.NDArray[np.bool_] = np.any(is_passed, axis=0)
+    return found
 
 
 def gaps_m(bodies: Floats, *, is_loaded: bool) -> Floats:
