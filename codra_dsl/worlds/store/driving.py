@@ -263,13 +263,15 @@ def _touches(wish: Wish, senses: Senses) -> bool:
 
 def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
     """Return the same of bodies of which one laser meets the near side."""
-    bodies = bodies_m(scan)
+    bodies, met = bodies_m(scan), scan.points_m()
     now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
+    is_near = now_m < TOUCH_M + FORESEEN_S * _fastest_m_s(wish)
+    bodies, met, now_m = bodies[is_near], met[is_near], now_m[is_near]
     is_touched = np.zeros(len(bodies), dtype=bool)
     for step in range(1, round(FORESEEN_S / STEP_S) + 1):
         then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
         is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
-    is_touched[is_touched] = is_strange(scan.points_m()[is_touched], senses.believed, PLACES_M)
+    is_touched[is_touched] = is_strange(met[is_touched], senses.believed, PLACES_M)
     return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
 
 
@@ -287,11 +289,15 @@ def _seen_from(there: Stand, points_m: Floats) -> Floats:
 
 def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
     """Return a wish on the same curve with which no point of the robot goes faster than it may."""
-    fastest_m_s = abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
+    fastest_m_s = _fastest_m_s(wish)
     if fastest_m_s < max_speed_m_s:
         return wish
     share = max_speed_m_s / fastest_m_s * (1.0 - _ROUNDING)
     return Wish(speed_m_s=wish.speed_m_s * share, turn_rate_rad_s=wish.turn_rate_rad_s * share)
+
+
+def _fastest_m_s(wish: Wish) -> float:
+    return abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
 
 
 def free_ahead_m(senses: Senses) -> float:
