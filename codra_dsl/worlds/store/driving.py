@@ -7,13 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import atan2, hypot, inf, pi, sqrt
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
 from codra_dsl.worlds.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
-from codra_dsl.worlds.store.geometry import Point, Stand, wrapped
+from codra_dsl.worlds.store.geometry import Floats, Point, Stand, wrapped
 from codra_dsl.worlds.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
+from codra_dsl.worlds.store.strangers import PLACES_M, bodies_m, gaps_m, is_seen_through, is_strange
 
 DEFAULT_MAX_SPEED_M_S = 1.0
 BACKWARD_M_S = 0.3
@@ -37,6 +38,12 @@ LANE_M = 0.42
 
 FORK_LANE_M = 0.15
 """Half the lane that must be free for its empty fork: a container's wheels stand beside it."""
+
+TOUCH_M = 0.03
+"""No motion brings the robot so near to a body that lasers show a part of, unless it leads away from it."""
+
+FORESEEN_S = 0.5
+"""So far a motion is followed to see whether it does; it takes less to stop."""
 
 PATIENCE_S = 8.0
 """How long it stands before something in its way until it gives up."""
@@ -228,7 +235,12 @@ def _nearer(now: float, wish: float, faster: float, slower: float) -> float:
 
 
 def _freed(wish: Wish, senses: Senses) -> Wish:
-    """Return as much of a wish as the safety lasers allow."""
+    """Return as much of a wish as the safety lasers allow: the lane must be free, and nobody may be touched."""
+    free = _in_lane(wish, senses)
+    return Wish() if free != Wish() and _touches(free, senses) else free
+
+
+def _in_lane(wish: Wish, senses: Senses) -> Wish:
     if wish.speed_m_s == 0.0:
         is_turning_free = wish.turn_rate_rad_s == 0.0 or _room_to_turn(senses)
         return wish if is_turning_free else Wish()
@@ -241,13 +253,51 @@ def _freed(wish: Wish, senses: Senses) -> Wish:
     return Wish(speed_m_s=sign * min(abs(wish.speed_m_s), limit_m_s), turn_rate_rad_s=wish.turn_rate_rad_s)
 
 
+def _touches(wish: Wish, senses: Senses) -> bool:
+    """Return whether a motion brings any part of the robot too near to somebody, and nearer than it is.
+
+    Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
+    """
+    return any(_touches_before(senses.scan(side), wish, senses) for side in Side)
+
+
+def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
+    """Return the same of bodies of which one laser meets the near side."""
+    bodies, met = bodies_m(scan), scan.points_m()
+    now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
+    is_near = now_m < TOUCH_M + FORESEEN_S * _fastest_m_s(wish)
+    bodies, met, now_m = bodies[is_near], met[is_near], now_m[is_near]
+    is_touched = np.zeros(len(bodies), dtype=bool)
+    for step in range(1, round(FORESEEN_S / STEP_S) + 1):
+        then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
+        is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
+    is_touched[is_touched] = is_strange(met[is_touched], senses.believed, PLACES_M)
+    return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
+
+
+def _moved(wish: Wish, duration_s: float) -> Stand:
+    """Return where a motion leads, from where the robot is."""
+    turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
+    return Stand(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
+
+
+def _seen_from(there: Stand, points_m: Floats) -> Floats:
+    east, north = cos(there.heading_rad), sin(there.heading_rad)
+    seen: Floats = (points_m - there.point_m) @ np.array([[east, -north], [north, east]])
+    return seen
+
+
 def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
     """Return a wish on the same curve with which no point of the robot goes faster than it may."""
-    fastest_m_s = abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
+    fastest_m_s = _fastest_m_s(wish)
     if fastest_m_s < max_speed_m_s:
         return wish
     share = max_speed_m_s / fastest_m_s * (1.0 - _ROUNDING)
     return Wish(speed_m_s=wish.speed_m_s * share, turn_rate_rad_s=wish.turn_rate_rad_s * share)
+
+
+def _fastest_m_s(wish: Wish) -> float:
+    return abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
 
 
 def free_ahead_m(senses: Senses) -> float:

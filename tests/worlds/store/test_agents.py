@@ -14,13 +14,16 @@ from codra_dsl.worlds.store.agents.wheel_check import container_behind
 from codra_dsl.worlds.store.body import Side, Way
 from codra_dsl.worlds.store.geometry import Point, Stand
 from codra_dsl.worlds.store.knowledge import pose_of, stand_of, store_knowledge
-from codra_dsl.worlds.store.layout import AREAS, DOCK, START, approach_to, robot_at
+from codra_dsl.worlds.store.layout import AREAS, DOCK, ROW_WIDTH_M, ROWS_WEST_M, START, approach_to, robot_at
 from codra_dsl.worlds.store.people import crossing
 from codra_dsl.worlds.store.state import Container
 from codra_dsl.worlds.store.world import Beginning, StoreWorld
 
 AREA = AREAS["area_1"]
 PLACE = AREA.places[0]
+SHELF_X_M = ROWS_WEST_M[AREA.recess.row] + ROW_WIDTH_M
+ASIDE = Stand(4.6, AREA.recess.north_m - 0.25)
+"""Before a recess, so near to its end that the fork comes in beside the shelf, and the body does not."""
 
 
 class Bench:
@@ -242,22 +245,30 @@ def test_navigation_leaves_where_somebody_stands_too_near_to_turn() -> None:
 
 
 def test_what_has_bumped_into_something_backwards_draws_back_says_so_and_can_go_on() -> None:
-    """Behind, the laser sees a container's wheels only: one that stands aside is not seen to be in the way."""
-    start = Stand(8.2, 6.0, pi / 2)
-    bench = Bench(start, containers=(box(Stand(8.72, 4.2)),))
-    bench.aim(Stand(8.2, 4.4), Way.BACKWARD)
+    """Behind, its lasers keep the lane of its fork free, and its body is broader."""
+    bench = Bench(ASIDE)
+    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     assert bench.done("navigating").result == "bumped"
     ((_, told),) = bench.world.events
-    assert told == "the robot bumped into box"
-    assert bench.world.state().robot.at.y_m > 5.0
-    bench.aim(AREAS["area_2"].observation[1])
+    assert told == "the robot bumped into a shelf"
+    assert bench.world.state().robot.at.x_m > SHELF_X_M + 0.45
+    bench.aim(AREA.observation[1])
 
     assert bench.done("navigating").result == "arrived"
 
 
-def bumped_and_told_to_stop() -> Bench:
+def test_backwards_navigation_stops_before_what_stands_aside_where_no_containers_are_kept() -> None:
+    """Behind the wheels that the laser meets somebody may stand, or the frame of a container."""
     bench = Bench(Stand(8.2, 6.0, pi / 2), containers=(box(Stand(8.72, 4.2)),))
     bench.aim(Stand(8.2, 4.4), Way.BACKWARD)
+
+    assert bench.done("navigating").result == "blocked"
+    assert bench.world.events == []
+
+
+def bumped_and_told_to_stop() -> Bench:
+    bench = Bench(ASIDE)
+    bench.aim(ASIDE.ahead(-1.6), Way.BACKWARD)
     bench.picking.request("navigating")
     bench.clock.wait_until(bench.world.body.is_bumped, 60.0)
     request = bench.knowledge.snapshot().handover("navigating").request
@@ -267,16 +278,16 @@ def bumped_and_told_to_stop() -> Bench:
 
 def test_what_has_bumped_into_something_draws_back_though_it_is_told_to_stop() -> None:
     bench = bumped_and_told_to_stop()
-    touching_m = bench.world.state().robot.at.y_m
+    touching_m = bench.world.state().robot.at.x_m
     bench.clock.sleep(6.0)
 
-    assert bench.world.state().robot.at.y_m > touching_m + 0.3
+    assert bench.world.state().robot.at.x_m > touching_m + 0.3
     assert bench.world.state().robot.surface_speed_m_s() == 0.0
 
 
 def test_what_is_sent_on_at_once_after_a_bump_draws_back_first_and_arrives() -> None:
     bench = bumped_and_told_to_stop()
-    bench.aim(AREAS["area_2"].observation[1])
+    bench.aim(AREA.observation[1])
 
     assert bench.done("navigating").result == "arrived"
     assert len(bench.world.events) == 1

@@ -122,6 +122,23 @@ def test_somebody_in_the_dark_of_no_laser_is_bumped_into_and_counted() -> None:
     assert not world.body.is_bumped()
 
 
+@pytest.mark.parametrize("beside_m", [-0.5, 0.5])
+@pytest.mark.parametrize(
+    ("command", "values"),
+    [("drive", ([(4.6, 6.0)], Way.BACKWARD)), ("drive", ([(2.0, 9.5)], Way.FORWARD)), ("turn", (pi,))],
+)
+def test_no_motion_touches_somebody_beside_the_fork_of_whom_lasers_meet_the_near_side_only(
+    command: str, values: tuple[object, ...], beside_m: float
+) -> None:
+    """Backing up would bring the body into them, driving a curve or turning the fork."""
+    at = Stand(4.6, 8.6, pi / 2)
+    clock, world, _ = opened(at=at, people=(standing(at.out(-0.29, beside_m)),))
+    getattr(world.body, command)(*values, lambda _: None)
+    clock.sleep(6)
+
+    assert world.events == []
+
+
 def test_people_stop_before_the_robot_and_at_last_turn_round() -> None:
     walker = crossing((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
     clock, _, states = opened(people=(walker,))

@@ -11,31 +11,17 @@ from codra_dsl.runtime.knowledge import Snapshot
 from codra_dsl.worlds.store.body import FRONT, Body, Side, Way
 from codra_dsl.worlds.store.geometry import Disc, Floats, Point
 from codra_dsl.worlds.store.knowledge import stand_of
-from codra_dsl.worlds.store.layout import AREAS, BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M
-from codra_dsl.worlds.store.routes import clearances_m
+from codra_dsl.worlds.store.layout import BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M, FORK_TIP_M
+from codra_dsl.worlds.store.strangers import PERSON_M, PLACES_M, WITHIN_M, is_strange
 
 OBSTACLE_M = 0.3
 """The radius of what the lasers see in the way."""
-
-WITHIN_M = 3.0
-"""What is farther away may be gone before the robot is there."""
-
-OFF_MAP_M = 0.2
-"""What lasers see nearer than this to a shelf or a wall is taken for it."""
-
-OF_CONTAINER_M = 0.6
-"""What they see nearer than this to the middle of a known container is taken for it."""
-
-PERSON_M = 0.25
-"""The radius of somebody's body."""
 
 RIM = 12
 """So many points stand for it."""
 
 LANE_M = 0.42
 KEEP_FREE_M = 0.4
-
-_PLACES_M = tuple(place.point_m for area in AREAS.values() for place in area.places)
 
 
 def containers_m(snapshot: Snapshot) -> list[Point]:
@@ -62,20 +48,13 @@ def strange_points(body: Body, sides: Sequence[Side], known_m: Sequence[Point]) 
     ranges_m = np.hypot(points[:, 0], points[:, 1])
     order = np.argsort(ranges_m, kind="stable")
     near: Floats = points[order[ranges_m[order] < WITHIN_M]]
-    if not len(near):
-        return near
-    robot = body.believed()
-    east, north = cos(robot.heading_rad), sin(robot.heading_rad)
-    on_map = near @ np.array([[east, north], [-north, east]]) + robot.point_m
-    strange = clearances_m(on_map) > OFF_MAP_M
-    if known_m:
-        strange &= (np.linalg.norm(on_map[:, None] - np.array(known_m), axis=2) >= OF_CONTAINER_M).all(axis=1)
-    return near[strange]
+    strange: Floats = near[is_strange(near, body.believed(), known_m)]
+    return strange
 
 
 def moving_points(body: Body, known_m: Sequence[Point]) -> Floats:
     """Return the same all around, without what stands where containers are kept, though nobody has seen it yet."""
-    return strange_points(body, tuple(Side), (*known_m, *_PLACES_M))
+    return strange_points(body, tuple(Side), (*known_m, *PLACES_M))
 
 
 def gap_m(points: Floats) -> float:
