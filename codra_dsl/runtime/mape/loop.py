@@ -357,6 +357,9 @@ class Loop:
                 self._unexplained.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
+        for refused in plan.refused:
+            about = {"variable": refused.parameter.variable, "message": refused.message}
+            self._attempt(partial(self._tell, refused.parameter.name, "failed", about))
         self._count(plan, now_s)
 
     def _count(self, plan: Plan, now_s: float) -> None:
