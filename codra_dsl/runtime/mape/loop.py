@@ -235,7 +235,7 @@ class Loop:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
-        self._tell(self._loop.name, "started", {})
+        self._tell(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
         self._declaring.begin()
         self._listening.begin()
         self._wake_at(self._clock.now_s())
