@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,7 @@ from codra_dsl.compiler import compile_paths
 from codra_dsl.experiments.loading import load_emitted
 from codra_dsl.runtime import Journal, SimClock, UnknownNameError
 from codra_dsl.runtime.mape.loop import Mape
+from codra_dsl.runtime.mape.planning import Planning
 from codra_dsl.runtime.replay import replay
 from codra_dsl.runtime.trees import Action, Ports, Result, Robot
 from generated import store
@@ -289,6 +292,30 @@ def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_pa
         assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
     head, events = read(tmp_path / "run.mcap")
     assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
+
+
+def test_a_loop_that_is_stopped_while_it_starts_in_another_thread_declares_nothing_more(fan: Any) -> None:
+    is_starting, may_go_on = threading.Event(), threading.Event()
+
+    class Slow(Planning):
+        def resume(self) -> None:
+            is_starting.set()
+            assert may_go_on.wait(10.0)
+
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}) as codra:
+        mape = Mape(codra, import_module(f"{fan.__name__}.mape").MAPE, clock=clock, planner=Slow)
+        starting = threading.Thread(target=mape.start)
+        starting.start()
+        assert is_starting.wait(10.0)
+        mape.stop()
+        may_go_on.set()
+        starting.join(10.0)
+        assert (mape.loop("fan").is_running, codra.declared()) == (False, frozenset())
+        mape.start()
+        assert codra.declared() == {"heat"}
+        mape.close()
+        assert codra.declared() == frozenset()
 
 
 def test_why_of_an_adaptation_is_told_without_knowledge_too_and_a_slip_is_put_right(fan: Any) -> None:

@@ -26,6 +26,7 @@ from codra_dsl.check.mape.branches import BRANCHES, TREE_FILES
 from codra_dsl.check.mape.feedback import FED_BACK, SELF_DEFEATING
 from codra_dsl.check.mape.firing import FIRING
 from codra_dsl.check.mape.inputs import LOOP_TYPES
+from codra_dsl.check.mape.leaving import LEAVING
 from codra_dsl.check.mape.lowered import checked_mape
 from codra_dsl.check.mape.names import LOOP_NAMES
 from codra_dsl.check.mape.parts import LOOP_LEFTOVERS, LOOP_PARTS
@@ -52,7 +53,7 @@ PHASES: tuple[tuple[Rule, ...], ...] = (
     (*SOURCES, *OWNERS),
     (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
     (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
-    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK, *LEAVING),
 )
 """The rules of each phase."""
 

@@ -95,6 +95,7 @@ RULES = rules(
     ("CDR7125", "unread-output", _WARNING),
     ("CDR7126", "part-without-loop", _WARNING),
     ("CDR7127", "adaptation-feedback", _WARNING),
+    ("CDR7128", "value-leaves-range", _WARNING),
     # CDR8101 to CDR8105 had meanings, and no code is ever used again
 )
 """All rules by name."""

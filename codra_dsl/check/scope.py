@@ -339,7 +339,7 @@ class Scope:
         if not self.spec.skills:
             return tuple(name for name in self.variables if name in self.producers)
         named = [name for skill in self.spec.skills for name in watched_by(skill)]
-        named += sorted(name for name in self.read_by_loops if name in self.producers)
+        named += sorted(name for name in self.read_by_loops | self.waking if name in self.producers)
         return tuple(name for name in dict.fromkeys(named) if name in self.variables)
 
     @cached_property
@@ -347,6 +347,13 @@ class Scope:
         """The variables that rules and conditions of loops read, and those whose rates they read."""
         conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
         return self.book.followed(conditions)
+
+    @cached_property
+    def waking(self) -> frozenset[str]:
+        """The variables that wake agents."""
+        names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
+        read = (self.world.read(name) for name in names)
+        return frozenset(thing.name for thing in read if thing is not None and thing.section == "context")
 
     @cached_property
     def reached(self) -> frozenset[str]:

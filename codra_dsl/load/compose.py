@@ -375,7 +375,8 @@ class _Composer:
             node.data = resolve(node.text)
         except OverflowError:
             node.reported = True
-            message = f"the number {shown(node.text)} is too large"
+            is_none = node.text.lower() == ".nan"
+            message = f"{shown(node.text)} is no number" if is_none else f"the number {shown(node.text)} is too large"
             way_out = "numbers are finite and at most 1e100; quote it if it is text"
             self._report("number-out-of-range", message, *_range(node), way_out)
 

@@ -357,7 +357,7 @@ class _Explanation:
                 number = self._subject.origin.source.text[holder.items[index - 1].start : node.end]
                 if _TORN_NUMBER.search(number):
                     return torn_number(number)
-            return read_as_literal(node.text, f"a {_kind(node.data)}", in_list=path[0] != "identifies")
+            return read_as_literal(node.text, f"a {_kind(node.data)}", str(path[0]))
         if written.startswith(("{", "[")):
             return None
         if isinstance(node, SequenceNode):

@@ -82,10 +82,13 @@ def read_as_quoted(first: str, rest: str, whole: str) -> Trap:
     return _quoting("read-as-quoted", message, whole, "all of it")
 
 
-def read_as_literal(written: str, what: str, *, in_list: bool) -> Trap:
-    """Return the trap of a condition that is a YAML literal: one of a list, or one that gives a value."""
+def read_as_literal(written: str, what: str, key: str) -> Trap:
+    """Return the trap of a condition that is a YAML literal, under a key of an element."""
     message = f"YAML reads {shown(written)} as {what}, not as a condition"
-    rest = "a list without items always holds" if in_list else f"if it is always so, quote it: '{written}'"
+    if key == "value":
+        return Trap("read-as-literal", message, f"quote it: '{written}'")
+    is_listed = key not in ("identifies", "always")
+    rest = "a list without items always holds" if is_listed else f"if it is always so, quote it: '{written}'"
     return Trap("read-as-literal", message, f"write a condition, such as x == {written}; {rest}")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 if TYPE_CHECKING:
+    from codra_dsl.runtime.following import Following
     from codra_dsl.runtime.knowledge import AgentHandle, Change, Knowledge
     from codra_dsl.runtime.subscriptions import Subscription
 
@@ -31,13 +32,14 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         name: of the agent.
     """
 
-    __slots__ = ("_handle", "_knowledge", "_write", "name")
+    __slots__ = ("_following", "_handle", "_knowledge", "_write", "name")
 
     def __init__(
         self,
         name: str,
         write: Callable[[str, object, str, float | None], None],
         knowledge: Knowledge | None = None,
+        following: Following | None = None,
     ) -> None:
         """Write as one agent.
 
@@ -45,6 +47,7 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
             name: of the agent.
             write: writes a variable: its name, the value, the writer, and when its evidence was taken.
             knowledge: the graph that the agent writes as well, if there is one.
+            following: declares what wakes the agent and observers identify.
 
         Raises:
             UnknownNameError: if the graph has no such agent.
@@ -53,6 +56,7 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         self.name = name
         self._write = write
         self._knowledge = knowledge
+        self._following = following
         self._handle = None if knowledge is None else knowledge.as_agent(name)
 
     @property
@@ -70,12 +74,17 @@ class Agent(Generic[VariableName_contra, GraphT_co]):
         """Call back when what wakes the agent comes to hold in the knowledge graph; see `AgentHandle.on_wake`.
 
         The agent is taken until that is unsubscribed or its handle closed, also if nobody holds this object any more.
+        Until then, what of it observers identify is declared, as `agent NAME`.
 
         Raises:
             LookupError: if the spec says nothing of knowledge.
         """
         handle = cast("AgentHandle", self.graph)
-        return handle.on_wake(callback)
+        subscription = handle.on_wake(callback)
+        if self._following is not None:
+            self._following.begin()
+            subscription.and_then(self._following.end)
+        return subscription
 
     def close(self) -> None:
         """Write no more with this handle; where there is a knowledge graph, the agent can be taken again."""

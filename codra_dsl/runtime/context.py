@@ -18,6 +18,7 @@ from codra_dsl.runtime.cell import FOREVER_S, Reading
 from codra_dsl.runtime.clock import Clock
 from codra_dsl.runtime.decisions import Demand
 from codra_dsl.runtime.declarations import MAIN, OBSERVER
+from codra_dsl.runtime.following import declaring
 from codra_dsl.runtime.holding import Holding
 from codra_dsl.runtime.inputs import NotDeclaredError
 from codra_dsl.runtime.journal import Record
@@ -270,11 +271,19 @@ class ContextManager(Generic[VariableName, SkillName]):
             AgentTakenError: if a handle of the agent is open, where there is a knowledge graph.
         """
         if self._knowledge is not None:
-            return Agent(name, self._write_as, self._knowledge)
+            woken_by = declaring(self.inputs, f"agent {name}", self._woken_by(name, self._knowledge.model))
+            return Agent(name, self._write_as, self._knowledge, woken_by)
         names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
         if name not in names:
             raise unknown("variable whose source is", name, sorted(names))
         return Agent(name, self._write_as)
+
+    def _woken_by(self, agent: str, model: KnowledgeModel) -> list[str]:
+        """Return what observers identify among what wakes an agent."""
+        wakes = (pattern for each in model.agents if each.name == agent for pattern in each.wakes)
+        read = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
+        identified = {name for each in self.model.observers for name in each.identifies}
+        return sorted(name for name in identified if f"{self._nodes[name]}.{name}" in read)
 
     @property
     def knowledge(self) -> Knowledge:

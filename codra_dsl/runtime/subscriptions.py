@@ -19,6 +19,10 @@ MOST_WAITING = 1_000
 NewsT = TypeVar("NewsT")
 
 
+def _nothing() -> None:
+    pass
+
+
 class Subscription:
     """What ends a subscription; it ends at the end of its `with` statement, too.
 
@@ -29,10 +33,24 @@ class Subscription:
     def __init__(self, end: Callable[[], None]) -> None:
         self.dropped = 0
         self._end = end
+        self._then: Callable[[], None] = _nothing
+        self._is_over = False
+        self._lock = threading.Lock()
 
     def unsubscribe(self) -> None:
         """Call back no more; a call that is under way comes to its end."""
         self._end()
+        with self._lock:
+            then, self._then, self._is_over = self._then, _nothing, True
+        then()
+
+    def and_then(self, then: Callable[[], None]) -> None:
+        """Do something once when the subscription ends, in the place of what was before; now if it has ended."""
+        with self._lock:
+            if not self._is_over:
+                self._then = then
+                return
+        then()
 
     def __enter__(self) -> Self:
         return self

@@ -196,6 +196,12 @@ safety is monotone: it never falls
     )
 
 
+def test_trends_are_told_by_a_rising_input_in_whatever_order_it_is_swept(truck: Path) -> None:
+    for values in ("0..4", "4..0", "2,0,4,1,3"):
+        found = swept(truck, "--vary", f"distance={values}", "--steps", "4", *CALM)
+        assert found.endswith("safety is monotone: it never falls\n")
+
+
 def test_a_hard_rule_is_what_explains_a_switch(truck: Path) -> None:
     assert (
         swept(truck, "--vary", "tripped", "--with", "distance=300 cm", *CALM[:4])
@@ -265,7 +271,7 @@ def test_lists_and_whole_numbers_are_swept_as_they_are(truck: Path) -> None:
     ((switch),) = found["switches"]
     assert (switch["before"], switch["after"], switch["rules"][0]["place"]) == ("go", "wait", "truck.yaml:16")
     assert [row["value"] for row in given["rows"]] == [8, 0]
-    assert given["trends"] == {"safety": "rises"}
+    assert given["trends"] == {"safety": "falls"}
 
 
 def test_the_inputs_are_told_as_json_too(truck: Path) -> None:

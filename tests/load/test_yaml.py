@@ -82,6 +82,11 @@ def test_a_number_that_no_unit_could_convert_is_refused(text: str) -> None:
     ]
 
 
+def test_what_is_no_number_is_not_called_too_large() -> None:
+    found = findings_of("codra: 1\nname: kitchen\ncontext: {a: {type: float, range: [.NaN, 5]}}")
+    assert [each.message for each in found] == ["'.NaN' is no number"]
+
+
 @given(ANYTHING, st.booleans() | st.none(), st.sampled_from([None, "'", '"', "|", ">"]), st.integers(10, 100))
 def test_what_was_dumped_is_read_again_with_every_scalar_where_it_stands(
     data: object, flow: bool | None, style: str | None, width: int

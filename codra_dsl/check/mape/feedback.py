@@ -28,7 +28,7 @@ def _never_set(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
     """Yield what only adaptations set and what can only become known once it is known; each circle is told once."""
     values = {
         own: (adaptation, tree)
-        for adaptation, own, tree in _parameters(scope, faults)
+        for adaptation, own, tree in set_variables(scope, faults)
         if [source.name for source in scope.variables[own].sources] == [ADAPTER]
     }
     needs = {own: [each.name for each in names_in(tree)] for own, (_, tree) in values.items()}
@@ -52,7 +52,7 @@ def _never_set(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
 
 
 def _restless_parameters(scope: Scope, faults: Faults) -> Iterator[Diagnostic]:
-    for adaptation, own, tree in _parameters(scope, faults):
+    for adaptation, own, tree in set_variables(scope, faults):
         is_free = adaptation.dwell_s == 0.0 and own in {each.name for each in names_in(tree)}
         if is_free and not can_hold([_equal(tree, _name(own))], (), scope.context_types):
             message = f"adaptation '{adaptation.name}' never comes to rest: whatever '{own}' is, it sets something else"
@@ -83,7 +83,7 @@ def _rests(scope: Scope, own: str, course: Course, trees: Sequence[Node | None],
     )
 
 
-def _parameters(scope: Scope, faults: Faults) -> Iterator[tuple[Adaptation, str, Node]]:
+def set_variables(scope: Scope, faults: Faults) -> Iterator[tuple[Adaptation, str, Node]]:
     """Yield each adaptation that sets a variable, with that and its value, where nothing is wrong with them."""
     for adaptation in scope.spec.adaptation:
         if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):

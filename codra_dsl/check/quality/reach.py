@@ -14,6 +14,7 @@ _NEEDS = {
     "metrics": ("rules",),
     "actions": ("rules",),
     "adaptation": ("always", "value"),
+    "agents": ("wakes",),
 }
 """The keys that say what is needed, by section."""
 

@@ -119,6 +119,7 @@ class Ledger:
                 keys = [f"adaptation/{event.details.get('course', event.name)}"]
                 if "variable" in event.details:
                     keys.append(f"context/{event.details['variable']}")
+                keys += [f"adaptation/{name}" for name in event.details.get("adapts", ()) if name != event.name]
                 if event.what == "analysed":
                     judged = (*event.details["metrics"], *event.details["weights"])
                     keys += [f"context/{each['variable']}" for each in judged]

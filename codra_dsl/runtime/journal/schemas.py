@@ -344,6 +344,7 @@ def _of_adaptation(_name: str, _outline: Outline) -> tuple[str, Field]:
         "The loop, course, parameter or tree.",
         _ADAPTATIONS,
         loop=_field("string", "The loop that did it."),
+        adapts=_list("string", "The courses and parameters of the loop that runs."),
         course=_field("string", "Of a branch, the course that it is a branch for."),
         agent=_field("string", "The agent that answers for it."),
         variable=_field("string", "The variable that holds the course or parameter; left out if none does."),

@@ -19,6 +19,7 @@ from codra_dsl.runtime.agents import Agent
 from codra_dsl.runtime.cell import BEFORE_ALL_S
 from codra_dsl.runtime.clock import Clock, Timer, Work
 from codra_dsl.runtime.context import ContextManager
+from codra_dsl.runtime.following import Following, declaring
 from codra_dsl.runtime.mape.courses import Decision, Standing
 from codra_dsl.runtime.mape.declarations import LoopModel, MapeModel, TreeModel
 from codra_dsl.runtime.mape.execution import Execution
@@ -195,8 +196,11 @@ class Loop:
         self._is_explaining = False
         self._timer: Timer | None = None
         self._subscription: Subscription | None = None
-        self._party = f"loop {loop.name}"
-        self._declares: Sequence[str] = ()
+        watched = planning.watches()
+        identified = {name for each in codra.model.observers for name in each.identifies}
+        declared = [name for name in watched if name in identified]  # a loop decides on it (P1, Equation 4)
+        self._declaring = declaring(codra.inputs, f"loop {loop.name}", declared)
+        self._listening = Following(self._listen, self._listen_no_more)
         self._idle = threading.Event()
         self._idle.set()
 
@@ -231,11 +235,9 @@ class Loop:
                 return
             self._is_on, self._has_changed = True, True
         self.planning.resume()
-        self._tell(self._loop.name, "started", {})
-        watched = self.planning.watches()
-        self._declare(watched)
-        if watched:
-            self._subscription = self._codra.subscribe(watched, lambda _: self._changed())
+        self._tell(self._loop.name, "started", {"adapts": list(self._loop.adapt)})
+        self._declaring.begin()
+        self._listening.begin()
         self._wake_at(self._clock.now_s())
 
     def stop(self) -> None:
@@ -247,21 +249,21 @@ class Loop:
             if self._timer is not None:
                 self._timer.cancel()
                 self._timer = None
-        if self._subscription is not None:
-            self._subscription.unsubscribe()
+        self._listening.end()
         self._idle.wait(self._longest_abort_s())
         for tree in self.trees.values():
             tree.halt()
-        if self._declares:
-            self._codra.inputs.leave(self._party)
+        self._declaring.end()
         self._tell(self._loop.name, "stopped", {})
 
-    def _declare(self, watched: Sequence[str]) -> None:
-        """Let the observers look that identify what is followed: a loop decides on it (P1, Equation 4)."""
-        identified = {name for each in self._codra.model.observers for name in each.identifies}
-        self._declares = [name for name in watched if name in identified]
-        for name in self._declares:
-            self._codra.inputs.declare(name, self._party)
+    def _listen(self) -> None:
+        watched = self.planning.watches()
+        if watched:
+            self._subscription = self._codra.subscribe(watched, lambda _: self._changed())
+
+    def _listen_no_more(self) -> None:
+        if self._subscription is not None:
+            self._subscription.unsubscribe()
 
     def _longest_abort_s(self) -> float:
         return max((each.abort_s for each in self.planning.courses.values()), default=0.0)
@@ -357,6 +359,9 @@ class Loop:
                 self._unexplained.append(decision)
         for setting in plan.settings:
             self._attempt(partial(self._set, setting))
+        for refused in plan.refused:
+            about = {"variable": refused.parameter.variable, "message": refused.message}
+            self._attempt(partial(self._tell, refused.parameter.name, "failed", about))
         self._count(plan, now_s)
 
     def _count(self, plan: Plan, now_s: float) -> None:

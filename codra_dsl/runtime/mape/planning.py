@@ -24,7 +24,7 @@ from codra_dsl.runtime.mape.filters import JUST_AFTER_S
 from codra_dsl.runtime.mape.fuzzy.bounds import Bounds
 from codra_dsl.runtime.mape.keeping import Keeping, keeping
 from codra_dsl.runtime.mape.observations import Observation, Scene, SceneScope, rate
-from codra_dsl.runtime.model import ValueType
+from codra_dsl.runtime.model import NotOfTypeError, ValueType
 
 KEPT_DECISIONS = 100
 """How many decisions of a course are kept in memory."""
@@ -76,6 +76,14 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """A value that a parameter was to have and its variable cannot take; it stands as it did."""
+
+    parameter: ParameterModel
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """What one analysis comes to.
 
@@ -83,6 +91,7 @@ class Plan:
         analysed: rates, metrics and weights, to be written by the analyst.
         changed: the variables of those metrics and weights that are otherwise than at the last analysis.
         due_s: when to analyse again though nothing has changed.
+        refused: values that cannot be set, each told once while it stays.
     """
 
     assessment: Assessment
@@ -91,6 +100,7 @@ class Plan:
     decisions: tuple[Decision, ...]
     settings: tuple[Setting, ...]
     due_s: float
+    refused: tuple[Refusal, ...] = ()
 
 
 class Planner(Protocol):
@@ -139,6 +149,7 @@ Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
 @dataclass(slots=True)
 class _Parameter:
     value: Value | None = None
+    refused: Value | None = None
     since_s: float = -math.inf
     metrics: Metrics = field(default_factory=dict)
 
@@ -194,7 +205,9 @@ class Planning:
         scene = self._scene(context, now_s)
         assessment = assess(self.model, scene)
         decisions, due_s = self._decide(assessment, now_s)
-        settings, later_s = self._set(assessment, now_s)
+        wanted = self._wanted(assessment.scene, now_s)
+        refused = tuple(self._refused(wanted))
+        settings, later_s = self._set(wanted, assessment, now_s)
         return Plan(
             assessment=assessment,
             analysed=tuple(self._analysed(assessment)),
@@ -202,6 +215,7 @@ class Planning:
             decisions=decisions,
             settings=settings,
             due_s=min(due_s, later_s, self._flips_s(assessment.scene, now_s)),
+            refused=refused,
         )
 
     # What is read
@@ -265,13 +279,32 @@ class Planning:
                 self.decisions[name].append(decision)
         return tuple(decisions), due_s
 
-    def _set(self, assessment: Assessment, now_s: float) -> tuple[tuple[Setting, ...], float]:
+    def _wanted(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
+        """Return the value that each parameter is to have; None where that is unknown."""
+        return {each.name: each.value.evaluate(SceneScope(scene, now_s)) for each in self._parameters}
+
+    def _refused(self, wanted: Mapping[str, Value | None]) -> Iterator[Refusal]:
+        """Yield the values that their variables cannot take, and remember them."""
+        for model in self._parameters:
+            present, value = self._settings[model.name], wanted[model.name]
+            before, present.refused = present.refused, None
+            try:
+                if value is not None:
+                    self._types[model.variable].convert(value)
+            except NotOfTypeError as error:
+                present.refused = value
+                if value != before:
+                    message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
+                    yield Refusal(parameter=model, message=message)
+
+    def _set(
+        self, wanted: Mapping[str, Value | None], assessment: Assessment, now_s: float
+    ) -> tuple[tuple[Setting, ...], float]:
         settings, due_s = [], math.inf
         metrics = metrics_of(self.model, assessment)
         for model in self._parameters:
-            present = self._settings[model.name]
-            value = model.value.evaluate(SceneScope(assessment.scene, now_s))
-            if value is None or value == present.value:
+            present, value = self._settings[model.name], wanted[model.name]
+            if value is None or value in (present.value, present.refused):
                 continue
             free_s = present.since_s + model.dwell_s
             is_free = free_s <= now_s + _ROUNDING_S

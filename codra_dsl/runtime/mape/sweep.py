@@ -105,11 +105,16 @@ class Sweep:
 
     @property
     def trends(self) -> Mapping[str, Trend]:
-        """Return which way each metric goes over the rows."""
-        return {name: trend([row.metrics[name] for row in self.rows]) for name in self.rows[0].metrics}
+        """Return which way each metric goes while the input rises, or passes from member to member as in the rows."""
+        rows = sorted(self.rows, key=_rank)
+        return {name: trend([row.metrics[name] for row in rows]) for name in self.rows[0].metrics}
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))
+
+
+def _rank(row: Row) -> float:
+    return 0.0 if isinstance(row.value, (str, bool)) else row.value
 
 
 def trend(values: Sequence[float | None]) -> Trend:

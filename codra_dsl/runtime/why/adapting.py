@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.cell import Reading, Reason
 from codra_dsl.runtime.journal.events import Event
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.why.values import Why, instant, seconds, shown
@@ -23,11 +23,11 @@ _REASONS = {
 
 
 def explain_course(ledger: Ledger, name: str, at_s: float) -> Why | None:
-    """Return why a course or parameter is what it is, if a loop has decided about one of this name."""
+    """Return why a course or parameter is what it is, or is not yet, if a loop is about one of this name."""
     found = ledger.adaptations.get(f"adaptation/{name}", {})
     last = found.get("chosen", found.get("set"))
     if last is None:
-        return None
+        return _undecided(found, name, at_s)
     content = last.details["action"] if last.what == "chosen" else last.details["value"]
     reading: Reading[Any] = Reading(
         name=name,
@@ -38,6 +38,15 @@ def explain_course(ledger: Ledger, name: str, at_s: float) -> Why | None:
         source=last.details["agent"],
     )
     return Why(at_s=at_s, reading=reading, story=tuple(_chain(found)))
+
+
+def _undecided(found: Mapping[str, Event], name: str, at_s: float) -> Why | None:
+    started = found.get("started")
+    if started is None or name not in started.details.get("adapts", ()):
+        return None
+    began = f"loop {started.details['loop']} runs since {instant(started.instant_s)} and has not decided on it yet"
+    reading: Reading[Any] = Reading(name=name, reason=Reason.NEVER_OBSERVED)
+    return Why(at_s=at_s, reading=reading, story=(began, *_refused(found)))
 
 
 def adapting(ledger: Ledger, variable: str) -> Iterator[str]:
@@ -74,6 +83,7 @@ def _analyses(ledger: Ledger, variable: str) -> Iterator[str]:
 def _chain(found: Mapping[str, Event]) -> Iterator[str]:
     if "set" in found:
         yield from _of_setting(found["set"])
+    yield from _refused(found)
     if "chosen" in found:
         chosen = found["chosen"]
         yield from _of_choice(chosen)
@@ -81,6 +91,14 @@ def _chain(found: Mapping[str, Event]) -> Iterator[str]:
         yield from _of_evidence(chosen.details)
         after = [event for event in found.values() if event.instant_s >= chosen.instant_s]
         yield from (sentence for event in after for sentence in _of_aftermath(event))
+
+
+def _refused(found: Mapping[str, Event]) -> Iterator[str]:
+    """Yield what a parameter was to be and could not, if that is what came last."""
+    failed = found.get("failed")
+    is_of_parameter = failed is not None and "variable" in failed.details and "chosen" not in found
+    if failed is not None and is_of_parameter and failed.instant_s >= found.get("set", failed).instant_s:
+        yield f"at {instant(failed.instant_s)}: {failed.details['message']}"
 
 
 def _of_choice(event: Event) -> Iterator[str]:

@@ -49,7 +49,9 @@ def scan(seed: int, state: StoreState, side: Side) -> Scan:
     eye = Stand(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
     rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
     ranges = _ranges_m(_moving(state, side), eye, bearings, LASER_FARTHEST_M)
-    noise = default_rng((seed, list(Side).index(side), state.step)).normal(0.0, LASER_NOISE_M, rays)
+    entropy = (abs(seed), list(Side).index(side), state.step)
+    chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # which takes no negative numbers
+    noise = chance.normal(0.0, LASER_NOISE_M, rays)
     noisy = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
     return Scan(
         instant_s=state.instant_s, mount=mount, bearings_rad=bearings, ranges_m=noisy, farthest_m=LASER_FARTHEST_M

@@ -117,6 +117,20 @@ def test_a_chain_has_what_a_parameter_reads_though_no_fuzzy_rule_does() -> None:
     assert "bumped was true, from evidence taken at 12 s" in str(shop.codra.why("max_speed")).lower()
 
 
+def test_a_value_that_a_variable_cannot_take_is_told_once_and_is_not_taken_as_set() -> None:
+    """Neither does it dwell, nor is the value before set anew; what lies in the range is set at once."""
+    shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=value("person_distance"), dwell_s=3.0),)))
+    shop.mape.start()
+    for person in (1.0, 6.0, 6.0, 1.0, 6.0, 0.5):
+        shop.pass_s(1.0, person=person)
+    told = [(each.details["value"], each.instant_s) for each in shop.told("set")]
+    assert told == [(1.0, 0.0), (0.5, 5.0)]
+    failed = [(each.name, each.instant_s, each.details["message"]) for each in shop.told("failed")]
+    why = "'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
+    assert failed == [("speed", 1.0, why), ("speed", 4.0, why)]
+    assert shop.codra.get("max_speed").value == 0.5
+
+
 def test_an_explanation_that_takes_long_keeps_no_decision_waiting() -> None:
     """In real time: somebody bumps into the robot while it is still being worked out what would have kept a course."""
     is_asked, may_go_on = threading.Event(), threading.Event()

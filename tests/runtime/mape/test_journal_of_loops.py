@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from codra_dsl.runtime import ContextManager, Journal, Kind, Reading, UnknownNameError
+from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.journal.ledger import Ledger
 from codra_dsl.runtime.mape.analysis import assess, infer
 from codra_dsl.runtime.mape.observations import Observation
@@ -214,3 +215,22 @@ def test_a_variable_that_is_called_like_a_parameter_is_not_taken_for_it() -> Non
     shop.begin()
     assert "set at" not in str(shop.codra.why("person_distance"))
     assert "set at 0 s to 1.2" in str(shop.codra.why("max_speed"))
+
+
+def test_a_parameter_that_was_not_set_yet_is_explained_by_its_loop_and_by_what_was_refused() -> None:
+    shop = Shop(replace(MAPE, parameters=(replace(SPEED, value=value("person_distance")),)))
+    shop.mape.start()
+    shop.clock.sleep(1.0)
+    why = str(shop.codra.why("speed"))
+    assert "speed is unknown" in why
+    assert "loop store runs since 0 s and has not decided on it yet" in why
+    shop.tell(person=6.0)
+    shop.clock.sleep(1.0)
+    refused = "at 1 s: 'max_speed' is not set: 6.0 lies outside [0, 1.5]; bound the value, or state a wider range"
+    assert refused in str(shop.codra.why("speed"))
+    assert refused in str(shop.codra.why("max_speed"))
+    shop.tell(person=1.0)
+    shop.clock.sleep(1.0)
+    assert refused not in str(shop.codra.why("speed"))
+    with pytest.raises(UnknownNameError):
+        shop.codra.why("store")

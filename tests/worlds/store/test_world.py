@@ -253,6 +253,15 @@ def test_readings_are_the_same_whoever_asks_and_however_often() -> None:
     assert (asked.body.scan(Side.BACK).ranges_m == world.body.scan(Side.BACK).ranges_m).all()
 
 
+def test_any_whole_number_is_a_seed_and_each_has_its_own_noise() -> None:
+    scans = []
+    for seed in (-2, -1, 0, 1, 2, -1):
+        world = StoreWorld(SimClock(), beginning(StoreSettings(seed=seed, shoppers=0)))
+        scans.append(world.body.scan(Side.BACK).ranges_m.tobytes())
+    assert len(set(scans)) == 5
+    assert scans[1] == scans[-1]
+
+
 def test_the_lasers_see_what_stands_there_to_a_few_centimetres() -> None:
     clock, world, _ = opened(people=(standing((8.2, 5.0)),))
     clock.sleep(1)
