@@ -24,6 +24,9 @@ Box = tuple[Bounds, ...]
 MOST_KEPT = 4096
 """How many bounds are kept: what is unknown stays so for a while, and is asked about anew with each other change."""
 
+_MOST_INFERRED = 64
+"""How many sets of numbers a stage is kept for: most changes that wake a loop leave those that rules read."""
+
 _ROUNDING = 1e-9
 
 
@@ -126,21 +129,44 @@ def _observed(judged: Judged) -> Observation:
 def infer(model: StageModel, scene: Scene) -> Stage:
     """Return what a stage comes to."""
     inputs = tuple(scene[each.variable] for each in model.inputs)
-    numbers = [number_of(each, seen.value) for each, seen in zip(model.inputs, inputs, strict=True)]
+    numbers = (number_of(each, seen.value) for each, seen in zip(model.inputs, inputs, strict=True))
+    found = _inferred(model, tuple(None if number != number else number for number in numbers))
+    return Stage(
+        inputs=inputs,
+        degrees=found.degrees,
+        rules=found.rules,
+        outputs=tuple(
+            _judged(model, each, bounds, scene) for each, bounds in zip(model.outputs, found.values, strict=True)
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Inferred:
+    """What a stage makes of numbers, whenever they were seen."""
+
+    degrees: tuple[Degree, ...]
+    rules: tuple[Fired, ...]
+    values: tuple[Bounds, ...]
+
+
+@lru_cache(maxsize=_MOST_INFERRED)
+def _inferred(model: StageModel, known: tuple[float | None, ...]) -> _Inferred:
+    """Return what a stage makes of its inputs; None is what is unknown."""
+    numbers = [math.nan if number is None else number for number in known]
     certain = model.infer(*numbers)
     values = [Bounds(value, value) if value == value else UNKNOWN for value in certain.values]
     strengths = [Bounds(strength, strength) for strength in certain.strengths]
-    unknown = {each.variable for each, number in zip(model.inputs, numbers, strict=True) if number != number}
+    unknown = {each.variable for each, number in zip(model.inputs, known, strict=True) if number is None}
     if unknown:
         _widen(model, numbers, unknown, values, strengths)
-    return Stage(
-        inputs=inputs,
+    return _Inferred(
         degrees=tuple(_degrees(model.inputs, numbers)),
         rules=tuple(
             Fired(text=rule.text, concludes=rule.concludes, place=rule.place, low=found.low, high=found.high)
             for rule, found in zip(model.rules, strengths, strict=True)
         ),
-        outputs=tuple(_judged(model, each, found, scene) for each, found in zip(model.outputs, values, strict=True)),
+        values=tuple(values),
     )
 
 
