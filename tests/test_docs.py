@@ -52,7 +52,8 @@ def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -
     """Run a command of a page in its folder."""
     environment = os.environ | {"PYTHONPATH": str(folder), "NO_COLOR": "1", "COLUMNS": "120"}
     environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
-    environment.pop("GITHUB_ACTIONS", None)
+    for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # what is asked of this run is not asked of those
+        environment.pop(name, None)
     return subprocess.run(
         command, cwd=folder, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
     )
