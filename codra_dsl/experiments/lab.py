@@ -248,6 +248,10 @@ class WatchedCamera:
         self.instants_s.add(frame.stamp_s)
         return frame
 
+    def processing_s(self, mean_s: float) -> float:
+        """Return how long the computer behind it takes from now for work that takes so long in the mean."""
+        return self._camera.processing_s(mean_s)
+
 
 def _gathered(
     clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings

@@ -139,7 +139,7 @@ def test_a_run_ends_at_its_instant_also_while_the_main_execution_waits_for_obser
 def test_the_handles_that_perception_gets_command_nothing() -> None:
     offered = {name for handle in (ArmCamera, Localization) for name in dir(handle) if not name.startswith("_")}
 
-    assert offered == {"capture", "believed_map_from_base"}
+    assert offered == {"capture", "processing_s", "believed_map_from_base"}
 
 
 class ListeningCamera:
@@ -153,6 +153,9 @@ class ListeningCamera:
         frame = self._camera.capture()
         self.frames[frame.stamp_s] = frame
         return frame
+
+    def processing_s(self, mean_s: float) -> float:
+        return self._camera.processing_s(mean_s)
 
 
 def watch(clock: SimClock, world: LabWorld, camera: Any, seed: int) -> ContextManager[Any, Any]:

@@ -89,6 +89,9 @@ class _Still:
     def capture(self) -> Frame:
         return self.frame
 
+    def processing_s(self, mean_s: float) -> float:
+        return mean_s
+
 
 @dataclass(slots=True)
 class _PassingJob:

@@ -27,6 +27,7 @@ from codra_dsl.worlds.lab.frame import Frame
 from codra_dsl.worlds.lab.laboratory import Laboratory
 from codra_dsl.worlds.lab.layout import INTRINSICS
 from codra_dsl.worlds.lab.poses import Pose, rotation_about
+from codra_dsl.worlds.lab.processing import Computer
 from codra_dsl.worlds.lab.scene import CAMERA_NAME, Stage
 from codra_dsl.worlds.lab.sight import image_motion_px
 from codra_dsl.worlds.lab.world import LabState, LabWorld
@@ -73,7 +74,13 @@ class Now(Protocol):
 
 
 class FramesByInstant(Protocol):
-    """Anything that has a frame for every instant."""
+    """Anything that has a frame for every instant, and a computer to look at them.
+
+    Attributes:
+        computer: it.
+    """
+
+    computer: Computer
 
     def frame_at(self, instant_s: float) -> Frame:
         """Return the frame whose exposure ends at an instant."""
@@ -96,11 +103,16 @@ class ArmCamera:
         """Take a frame now."""
         return self._frames.frame_at(self._clock.now_s())
 
+    def processing_s(self, mean_s: float) -> float:
+        """Return how long the computer takes from now for work that takes so long in the mean."""
+        return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
+
 
 class FrameSource:
     """The arm camera of one world. Close it, or use it in a `with` statement.
 
     Attributes:
+        computer: what looks at its frames.
         rendered: how many frames this source has drawn.
     """
 
@@ -110,6 +122,7 @@ class FrameSource:
         Raises:
             GraphicsUnavailableError: nothing here draws without a screen.
         """
+        self.computer = Computer(world.seed)
         self._world = world
         self._optics = _Optics(world)
         self._frames: OrderedDict[float, Future[Frame]] = OrderedDict()
@@ -161,9 +174,14 @@ class FrameSource:
 
 
 class GreyFrameSource:
-    """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them."""
+    """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them.
+
+    Attributes:
+        computer: what looks at its frames.
+    """
 
     def __init__(self, world: LabWorld) -> None:
+        self.computer = Computer(world.seed)
         self._world = world
         self._optics = _Optics(world)
         self._exposed = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)

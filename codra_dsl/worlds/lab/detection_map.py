@@ -99,6 +99,9 @@ class _OneFrame:
     def capture(self) -> Frame:
         return self.frame
 
+    def processing_s(self, mean_s: float) -> float:
+        return mean_s
+
 
 @dataclass(frozen=True, slots=True)
 class _Timeless:

@@ -14,8 +14,9 @@ from typing import Any
 
 from codra_dsl.worlds.lab import perception
 from codra_dsl.worlds.lab.context import Context
-from codra_dsl.worlds.lab.frame import Camera
+from codra_dsl.worlds.lab.frame import Camera, Frame
 from codra_dsl.worlds.lab.layout import Part
+from codra_dsl.worlds.lab.processing import processing_s
 from codra_dsl.worlds.lab.robot import Clock, Robot
 
 VISION = "vision"
@@ -53,6 +54,20 @@ class _SequentialJob:
         """Do nothing: nobody judges the main execution's own evidence."""
 
 
+@dataclass(frozen=True, slots=True)
+class _OwnCamera:
+    """The camera, with processing times drawn for the main execution alone, so that nobody else's move it."""
+
+    camera: Camera
+    random: Random
+
+    def capture(self) -> Frame:
+        return self.camera.capture()
+
+    def processing_s(self, mean_s: float) -> float:
+        return processing_s(self.random, mean_s)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Way:
     """How to find out one thing: where to look, what to call, what its result means."""
@@ -68,9 +83,10 @@ class Eyes:
 
     def __init__(self, robot: Robot, camera: Camera, codra: Context, clock: Clock, *, seed: int) -> None:
         self._robot = robot
-        self._camera = camera
+        random = Random(f"{seed} main execution")
+        self._camera = _OwnCamera(camera, random)
         self._codra = codra
-        self._job = _SequentialJob(clock, Random(f"{seed} main execution"))
+        self._job = _SequentialJob(clock, random)
 
     def look_for(self, variable: str) -> bool | None:
         """Find out the value of a context-variable; None if it cannot be seen in several looks."""

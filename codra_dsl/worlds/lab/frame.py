@@ -68,6 +68,10 @@ class Camera(Protocol):
         """Take a frame now."""
         ...
 
+    def processing_s(self, mean_s: float) -> float:
+        """Return how long the computer behind it takes from now for work that takes so long in the mean."""
+        ...
+
 
 class Base(Protocol):
     """The handle that perception functions get as `base`: the mobile base's own state."""

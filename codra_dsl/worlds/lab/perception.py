@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from math import log, pi
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from codra_dsl.runtime.perception import Job
 from codra_dsl.worlds.lab.frame import Base, Camera, Frame, Intrinsics
 from codra_dsl.worlds.lab.layout import Joint, Machine, Part, Tag, machine_named
 from codra_dsl.worlds.lab.part_pose import PartPose, part_pose
+from codra_dsl.worlds.lab.processing import processing_s
 from codra_dsl.worlds.lab.sharpness import sharpness
 from codra_dsl.worlds.lab.tags import detect
 
@@ -37,9 +38,6 @@ LOCALIZE_LID_S = 2.4
 LOCALIZE_ROTOR_S = 1.6
 """Mean time of `localize_rotor`."""
 
-SPREAD = 0.25
-"""Deviation of the logarithm of every processing time: two of three calls take 0.78 to 1.28 times the median."""
-
 _POSES_KEPT = 32
 """Observers of several arms look at one frame within an instant or two: a few poses of each of its parts are enough."""
 
@@ -54,7 +52,7 @@ def measure_distance(*, machine: str, base: Base, job: Job) -> Mapping[str, Any]
     start_s = job.now_s()
     distance_m = machine_named(machine).distance_m(base.believed_map_from_base())
     job.evidence(start_s, job.now_s())
-    _process(job, MEASURE_DISTANCE_S)
+    job.sleep(processing_s(job.random, MEASURE_DISTANCE_S))
     return {"distance": distance_m}
 
 
@@ -67,7 +65,7 @@ def find_in_view(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     """
     frame = _look(camera, job)
     told = machine_named(machine)
-    _process(job, FIND_IN_VIEW_S)
+    job.sleep(camera.processing_s(FIND_IN_VIEW_S))
     return {
         "base_share": _share_in_view(told, Part.BASE, frame),
         "lid_share": _share_in_view(told, Part.LID, frame),
@@ -89,7 +87,7 @@ def localize_lid(*, machine: str, camera: Camera, job: Job) -> Mapping[str, Any]
     told = machine_named(machine)
     base, lid, latch = (_localized(told, part, frame) for part in (Part.BASE, Part.LID, Part.LATCH))
     latch_angle_rad = _joint_angle_rad(told.joint(Part.LATCH), base, latch)
-    _process(job, LOCALIZE_LID_S)
+    job.sleep(camera.processing_s(LOCALIZE_LID_S))
     return {
         "markers": _markers(base) + _markers(lid),
         "lid_angle": _joint_angle_rad(told.joint(Part.LID), base, lid),
@@ -109,7 +107,7 @@ def localize_rotor(*, machine: str, camera: Camera, job: Job) -> Mapping[str, An
     told = machine_named(machine)
     base, rotor = (_localized(told, part, frame) for part in (Part.BASE, Part.ROTOR))
     angle_rad = _joint_angle_rad(told.joint(Part.ROTOR), base, rotor)
-    _process(job, LOCALIZE_ROTOR_S)
+    job.sleep(camera.processing_s(LOCALIZE_ROTOR_S))
     return {
         "markers": _markers(rotor),
         "rotor_angle": None if angle_rad is None else (angle_rad + pi / 2) % (2 * pi) - pi / 2,
@@ -120,11 +118,6 @@ def _look(camera: Camera, job: Job) -> Frame:
     frame = camera.capture()
     job.evidence(frame.stamp_s, frame.stamp_s)
     return frame
-
-
-def _process(job: Job, mean_s: float) -> None:
-    """Spend a time drawn from a log-normal distribution with this mean."""
-    job.sleep(job.random.lognormvariate(log(mean_s) - SPREAD**2 / 2, SPREAD))
 
 
 @lru_cache(maxsize=_POSES_KEPT)

@@ -7,6 +7,7 @@ from random import Random
 
 from codra_dsl.worlds.lab.frame import Frame
 from codra_dsl.worlds.lab.poses import Pose
+from codra_dsl.worlds.lab.processing import Computer
 
 
 @dataclass(slots=True)
@@ -36,6 +37,24 @@ class Still:
 
     def capture(self) -> Frame:
         return self.frame
+
+    def processing_s(self, mean_s: float) -> float:
+        return mean_s
+
+
+@dataclass(frozen=True, slots=True)
+class Computing:
+    """A camera that shows one frame whenever it is asked, with a computer that takes its time."""
+
+    frame: Frame
+    job: RecordedJob
+    computer: Computer = field(default_factory=lambda: Computer(2))
+
+    def capture(self) -> Frame:
+        return self.frame
+
+    def processing_s(self, mean_s: float) -> float:
+        return self.computer.processing_s(self.job.now_s(), mean_s)
 
 
 @dataclass(frozen=True, slots=True)
