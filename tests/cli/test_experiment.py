@@ -28,7 +28,7 @@ from tests.cli.test_commands import DOOR, MISSPELT, MONITER, ROOT, codra, enviro
 
 CONSOLE_SCRIPT = Path(sys.executable).with_name("codra")
 TINY = "tiny:EXPERIMENT"
-KEPT = ["seed 101.json", "seed 102.json", "seed 103.json"]
+KEPT = ["seed 301.json", "seed 302.json", "seed 303.json"]
 SOON_S = 60.0
 
 
@@ -115,9 +115,9 @@ def test_the_data_has_the_published_form(undisturbed: Path) -> None:
     jsonschema.Draft202012Validator(schema).validate(told)
     assert told["experiment"] == "tiny"
     assert told["command"] == "codra experiment tiny:EXPERIMENT --processes 2"
-    assert told["seeds"] == [101, 102, 103]
-    assert told["trials"]["seed 102"] == {"seed": 102, "duration_s": 20.0, "loops": 0, "error": None}
-    assert list(told["results"]["frames"]) == ["seed 101", "seed 102", "seed 103"]
+    assert told["seeds"] == [301, 302, 303]
+    assert told["trials"]["seed 302"] == {"seed": 302, "duration_s": 20.0, "loops": 0, "error": None}
+    assert list(told["results"]["frames"]) == ["seed 301", "seed 302", "seed 303"]
     assert not jsonschema.Draft202012Validator(schema).is_valid(told | {"more": 1})
 
 
@@ -200,7 +200,7 @@ def test_a_second_run_in_the_same_folder_is_refused(project: Path) -> None:
 
 def test_a_terminal_is_shown_how_far_the_trials_are(undisturbed: Path, project: Path) -> None:
     shutil.copytree(undisturbed / "runs/tiny/trials", project / "runs/tiny/trials")
-    records(project)["seed 102.json"].unlink()
+    records(project)["seed 302.json"].unlink()
     terminal, end = pty.openpty()
     process = begun(project, stderr=end, stdout=subprocess.DEVNULL)
     os.close(end)
@@ -244,8 +244,8 @@ def test_an_unknown_name_is_refused_with_what_was_meant_or_what_there_is(project
     [
         ([TINY, "--spec", "none.yaml"], "'none.yaml' does not exist"),
         ([TINY, "--out", "tiny.py"], "cannot write to 'tiny.py': File exists"),
-        ([TINY, "--trial", "seed 10"], "there is no trial 'seed 10': did you mean 'seed 10"),
-        ([TINY, "--trial", "?"], "there is no trial '?': there are 3, such as 'seed 101'"),
+        ([TINY, "--trial", "seed 30"], "there is no trial 'seed 30': did you mean 'seed 30"),
+        ([TINY, "--trial", "?"], "there is no trial '?': there are 3, such as 'seed 301'"),
         ([TINY, "--processes", "0"], "--processes"),
         (["nowhere:EXPERIMENT"], "'nowhere:EXPERIMENT' cannot be imported: No module named 'nowhere'"),
         (["tiny:NOTHING"], "'tiny:NOTHING' cannot be imported: module 'tiny' has no attribute 'NOTHING'"),
@@ -317,22 +317,22 @@ def test_a_trial_that_raises_is_told_in_a_line_that_says_how_to_run_it_alone(pro
     assert (done.returncode, done.stdout) == (1, "")
     told, _, alone = done.stderr.removesuffix("\n").partition("; to run it alone: ")
     assert re.fullmatch(
-        r"codra: trial 'seed 101' \(seed 101\): ValueError: no arm \(\S+tiny.py:\d+\); "
-        r"the whole of it stands in 'runs/tiny/trials/seed 101.error'",
+        r"codra: trial 'seed 301' \(seed 301\): ValueError: no arm \(\S+tiny.py:\d+\); "
+        r"the whole of it stands in 'runs/tiny/trials/seed 301.error'",
         told,
     )
-    assert "Traceback" in (project / "runs/tiny/trials/seed 101.error").read_text()
+    assert "Traceback" in (project / "runs/tiny/trials/seed 301.error").read_text()
     again = codra(*shlex.split(alone)[1:], cwd=project)
     assert (again.returncode, again.stderr) == (1, f"{told}; to run it alone: {alone}\n")
 
 
 def test_a_trial_alone_is_kept_and_nothing_is_judged(project: Path) -> None:
-    done = codra("experiment", TINY, "--trial", "seed 102", cwd=project)
+    done = codra("experiment", TINY, "--trial", "seed 302", cwd=project)
 
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "trial 'seed 102' (seed 102): 20.0 s, 0 loops\n"
+    assert done.stdout == "trial 'seed 302' (seed 302): 20.0 s, 0 loops\n"
     assert [path.name for path in (project / "runs/tiny").iterdir()] == ["trials"]
-    assert list(records(project)) == ["seed 102.json"]
+    assert list(records(project)) == ["seed 302.json"]
 
 
 def test_perception_that_is_nowhere_is_named(project: Path) -> None:
@@ -342,7 +342,7 @@ def test_perception_that_is_nowhere_is_named(project: Path) -> None:
     done = codra("experiment", TINY, "--processes", "1", cwd=project)
 
     assert done.returncode == 1
-    assert "trial 'seed 101' (seed 101): perception" in done.stderr
+    assert "trial 'seed 301' (seed 301): perception" in done.stderr
     assert "No module named 'unruly'" in done.stderr
 
 

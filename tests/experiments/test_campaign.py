@@ -21,10 +21,10 @@ from codra_dsl.experiments.workers import TrialError
 from tests.experiments.works import Dies, Exits, Raises, wanders
 
 SPECS = Path(__file__).parents[2] / "specs"
-KEPT = ("seed 101.json", "seed 102.json")
+KEPT = ("seed 301.json", "seed 302.json")
 
 
-def trial(seed: int = 101, work: Work | None = None, spec: Path = SPECS / "lab.yaml") -> Trial:
+def trial(seed: int = 301, work: Work | None = None, spec: Path = SPECS / "lab.yaml") -> Trial:
     return Trial(
         name=f"seed {seed}",
         spec=spec,
@@ -36,7 +36,7 @@ def trial(seed: int = 101, work: Work | None = None, spec: Path = SPECS / "lab.y
     )
 
 
-TWO = (trial(101), trial(102))
+TWO = (trial(301), trial(302))
 
 
 def run(
@@ -76,19 +76,19 @@ def inodes(folder: Path) -> dict[str, int]:
 def test_a_campaign_keeps_a_record_and_the_frames_of_each_trial_and_nothing_else(undisturbed: Path) -> None:
     names = {Path(name).parts[1] for name in files(undisturbed)}
 
-    assert names == {*KEPT, "seed 101", "seed 102"}
-    assert len(list((undisturbed / TRIALS / "seed 101").glob("*.png"))) == 2
+    assert names == {*KEPT, "seed 301", "seed 302"}
+    assert len(list((undisturbed / TRIALS / "seed 301").glob("*.png"))) == 2
 
 
 def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Path) -> None:
     outcomes, told = run(tmp_path, processes=1)
 
     assert files(tmp_path) == files(undisturbed)
-    assert list(outcomes) == ["seed 101", "seed 102"]
+    assert list(outcomes) == ["seed 301", "seed 302"]
     assert [(each.done, each.total, each.found, each.latest) for each in told] == [
         (0, 2, 0, ""),
-        (1, 2, 0, "seed 101"),
-        (2, 2, 0, "seed 102"),
+        (1, 2, 0, "seed 301"),
+        (2, 2, 0, "seed 302"),
     ]
 
 
@@ -98,8 +98,8 @@ def test_what_was_run_is_not_run_again_and_comes_to_the_same(kept: Path) -> None
 
     assert changed(before, kept) == set()
     assert [(each.done, each.found) for each in told] == [(2, 2)]
-    assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 101": 101, "seed 102": 102}
-    assert outcomes["seed 101"].arms.keys() == {NEED.name, NAIVE.name}
+    assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
+    assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
 
 
 def truncate(folder: Path) -> None:
@@ -113,7 +113,7 @@ def change_a_digit(folder: Path) -> None:
 
 
 def lose_a_frame(folder: Path) -> None:
-    min((folder / "seed 101").glob("*.png")).unlink()
+    min((folder / "seed 301").glob("*.png")).unlink()
 
 
 def take_another_trials(folder: Path) -> None:
@@ -144,12 +144,12 @@ def test_only_what_is_missing_is_made_anew_and_then_all_is_as_it_was(undisturbed
 
 
 def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -> None:
-    other = replace(trial(103), name="seed 101", frames_kept=1)
+    other = replace(trial(303), name="seed 301", frames_kept=1)
     outcomes, told = run(kept, (other, TWO[1]))
 
     assert told[0].found == 1
-    assert outcomes["seed 101"].seed == 103
-    assert len(list((kept / TRIALS / "seed 101").glob("*.png"))) == 1
+    assert outcomes["seed 301"].seed == 303
+    assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
 
 
 def test_what_a_killed_campaign_left_on_the_way_is_removed(kept: Path) -> None:
@@ -213,8 +213,8 @@ def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path
 
 
 def test_two_trials_of_one_name_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="two trials have the name 'seed 101'"):
-        run(tmp_path, (trial(101), trial(101)))
+    with pytest.raises(ValueError, match="two trials have the name 'seed 301'"):
+        run(tmp_path, (trial(301), trial(301)))
 
 
 def test_work_that_is_told_by_its_address_is_refused(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from codra_dsl.experiments.trials import run_trial, value_at
 
 SPEC = Path(__file__).parents[2] / "specs" / "lab.yaml"
 DURATION_S = 60.0
-IN_TABLES, FURTHER = (101, 102), (111, 112)
+IN_TABLES, FURTHER = (301, 302), (311, 312)
 
 
 @dataclass(frozen=True)
@@ -52,11 +52,11 @@ def tables(document: Document) -> list[Table]:
 def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_for_intervals() -> None:
     trials = EXPERIMENT.trials(Settings(spec=SPEC, seeds=20, folder=Path()))
 
-    assert [trial.seed for trial in trials] == list(range(101, 131))
-    assert sum(trial.frames_kept for trial in trials if trial.seed <= 110) >= 200
+    assert [trial.seed for trial in trials] == list(range(301, 331))
+    assert sum(trial.frames_kept for trial in trials if trial.seed <= 310) >= 200
     assert {trial.answering for trial in trials} == {None}
-    assert {trial.arms for trial in trials if trial.seed <= 110} == {ARMS}
-    assert {trial.arms for trial in trials if trial.seed > 110} == {FURTHER_ARMS}
+    assert {trial.arms for trial in trials if trial.seed <= 310} == {ARMS}
+    assert {trial.arms for trial in trials if trial.seed > 310} == {FURTHER_ARMS}
     assert len({trial.name for trial in trials}) == 30
 
 
@@ -137,10 +137,10 @@ def test_kept_frames_detected_again_from_their_files_give_exactly_the_recorded_e
 
 
 def test_a_frame_that_was_changed_or_lost_is_told(judged: Judged, tmp_path: Path) -> None:
-    outcome = judged.outcomes["run-101"]
+    outcome = judged.outcomes["run-301"]
     with_tags = next(kept for kept in outcome.kept if kept.values.get("markers", 0) > 0)
     lost = next(kept for kept in outcome.kept if kept.file != with_tags.file)
-    source, copy = judged.settings.folder / TRIALS / "run-101", tmp_path / TRIALS / "run-101"
+    source, copy = judged.settings.folder / TRIALS / "run-301", tmp_path / TRIALS / "run-301"
     copy.mkdir(parents=True)
     pixels = cv2.imread(str(source / with_tags.file))
     assert cv2.imwrite(str(copy / with_tags.file), pixels[:, ::-1])  # no tag looks the same in a mirror
@@ -153,7 +153,7 @@ def test_a_frame_that_was_changed_or_lost_is_told(judged: Judged, tmp_path: Path
 
 
 def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(judged: Judged) -> None:
-    runs = Runs([with_a_wrong_value(judged.outcomes["run-101"]), judged.outcomes["run-102"]])
+    runs = Runs([with_a_wrong_value(judged.outcomes["run-301"]), judged.outcomes["run-302"]])
     wrong = [
         (outcome.seed, round(decision.instant_s, 1), arm)
         for outcome in runs.outcomes

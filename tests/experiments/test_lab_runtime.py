@@ -43,7 +43,7 @@ def outcomes(settings: Settings) -> Mapping[str, Outcome]:
 
 @pytest.fixture(scope="module")
 def pair(outcomes: Mapping[str, Outcome]) -> Pair:
-    without, observed = (outcomes[f"tending-101-{condition}-observers"] for condition in ("without", "with"))
+    without, observed = (outcomes[f"tending-301-{condition}-observers"] for condition in ("without", "with"))
     return Pair(seed=FIRST_REPORTED_SEED, without=without, observed=observed)
 
 
@@ -163,7 +163,7 @@ def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
 def test_the_experiment_runs_the_first_seed_further_ones_and_a_day_in_pairs(settings: Settings) -> None:
     trials = EXPERIMENT.trials(replace(settings, seeds=2))
 
-    assert [trial.seed for trial in trials] == [101, 101, 102, 102, 103, 103, 101, 101]
+    assert [trial.seed for trial in trials] == [301, 301, 302, 302, 303, 303, 301, 301]
     assert len({trial.name for trial in trials}) == len(trials)
 
 

@@ -73,7 +73,7 @@ def test_evidence_of_the_same_instant_is_the_same_in_every_arm_that_took_it(by_a
 
 
 def test_every_frame_that_was_rendered_was_perceived(by_all: LabRun) -> None:
-    assert by_all.frames == by_all.perceived > 100
+    assert by_all.frames == by_all.perceived > 50
 
 
 def test_another_arm_changes_nothing_of_what_an_arm_came_to(tmp_path: Path) -> None:
