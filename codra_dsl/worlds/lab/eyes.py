@@ -56,7 +56,7 @@ class _SequentialJob:
 
 @dataclass(frozen=True, slots=True)
 class _OwnCamera:
-    """The camera, with processing times drawn for the main execution alone, so that nobody else's move it."""
+    """The camera, with processing times drawn for the main execution alone: no other job changes them."""
 
     camera: Camera
     random: Random

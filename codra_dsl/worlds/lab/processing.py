@@ -30,30 +30,30 @@ def processing_s(random: Random, mean_s: float) -> float:
 
 
 class Computer:
-    """The computer that does a robot's vision: how long it takes depends on the seed, the instant and the work alone.
+    """The computer that does a robot's vision: how long it takes depends on the seed, the instant and the mean alone.
 
-    Each time has the distribution of `processing_s`, and depends on none before it. Points lie at random in the plane
-    of instants and hazards, evenly, and work ends at the first point below its own hazard then (thinning; Lewis and
-    Shedler 1979). So two robots that begin the same work a little apart often end it together, at the same point, and
-    are in step from then on, until one of them does something else. In comparisons this is known as common random
-    numbers: what differs between the two is what they do, not how lucky they were, and they look at the same frames.
+    Points lie at random in the plane of instants and hazards, evenly, and work ends at the first point below its own
+    hazard then (thinning; Lewis and Shedler 1979). So each time has the distribution of `processing_s` and depends on
+    none before it, for one call at a time; calls that overlap are alike. Two robots that begin the same work a little
+    apart often end it together, at the same point, and are in step until one of them does something else: they are
+    equally lucky, which in comparisons is known as common random numbers, and look at the same frames.
     """
 
     def __init__(self, seed: int) -> None:
         self._points = lru_cache(maxsize=_CELLS_KEPT)(lambda cell: _points(seed, cell))
 
     def processing_s(self, start_s: float, mean_s: float) -> float:
-        """Return how long work takes that begins at an instant, for one who does nothing else meanwhile.
+        """Return how long work takes that begins at an instant.
 
         Args:
             start_s: the instant.
             mean_s: how long such work takes in the mean, at least `SHORTEST_MEAN_S`.
 
         Raises:
-            ValueError: the mean is shorter.
+            ValueError: the mean is shorter, or no finite number.
         """
-        if mean_s < SHORTEST_MEAN_S:
-            raise ValueError(f"a mean of {mean_s:g} s is below {SHORTEST_MEAN_S:g} s")
+        if not SHORTEST_MEAN_S <= mean_s < inf:
+            raise ValueError(f"a mean of {mean_s:g} s is not a number from {SHORTEST_MEAN_S:g} s on")
         median_log, first = _median_log(mean_s), floor(start_s / _CELL_S)
         return next(
             instant_s - start_s

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import log
+from math import inf, log, nan
 
 import numpy as np
 import pytest
@@ -34,6 +34,18 @@ def test_times_are_log_normal_with_the_mean_asked_for_and_the_spread(mean_s: flo
 
     assert kstest(logs, norm(log(mean_s) - SPREAD**2 / 2, SPREAD).cdf).pvalue > 0.01
     assert np.exp(logs).mean() == pytest.approx(mean_s, rel=0.03)
+
+
+def test_times_of_calls_in_turn_are_log_normal_too_and_tell_nothing_of_the_next() -> None:
+    """As the naive observers make them."""
+    computer, now_s, away = Computer(9), 0.0, []
+    for mean_s in (FIND_IN_VIEW_S, FIND_IN_VIEW_S, LOCALIZE_LID_S, LOCALIZE_ROTOR_S, LOCALIZE_LID_S) * 500:
+        time_s = computer.processing_s(now_s, mean_s)
+        away.append((log(time_s / mean_s) + SPREAD**2 / 2) / SPREAD)
+        now_s += time_s
+
+    assert kstest(away, norm().cdf).pvalue > 0.01
+    assert abs(np.corrcoef(away[1:], away[:-1])[0, 1]) < 0.06
 
 
 def test_a_time_tells_nothing_of_the_next() -> None:
@@ -76,6 +88,7 @@ def test_another_seed_gives_other_times() -> None:
     assert not set(first) & set(second)
 
 
-def test_work_too_short_for_the_stream_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"a mean of 0\.1 s is below 0\.35 s"):
-        Computer(1).processing_s(3.0, 0.1)
+@pytest.mark.parametrize("mean_s", [0.1, -1.0, inf, nan])
+def test_a_mean_that_the_stream_has_no_times_for_is_refused(mean_s: float) -> None:
+    with pytest.raises(ValueError, match=r"is not a number from 0\.35 s on"):
+        Computer(1).processing_s(3.0, mean_s)
