@@ -63,9 +63,6 @@ def held(term: Term, cells: Mapping[str, Cell], start_s: float, end_s: float) ->
 
     What the histories no longer tell counts as a break.
     """
-    names, is_aging = term.reads
-    if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
-        return term.holds(Present(cells, end_s))
     return told_from_s(term, cells) <= start_s and first_loss(term, cells, start_s, end_s) is None
 
 
@@ -74,7 +71,7 @@ def _lasts(reading: Reading[Value], start_s: float, end_s: float) -> bool:
 
     One that is stale was not: it keeps the instant of its evidence, and was known until it expired.
     """
-    return reading.reason is None and reading.evidence_s <= start_s and end_s < reading.expires_s
+    return reading.reason is None and reading.evidence_s <= start_s <= end_s < reading.expires_s
 
 
 def first_loss(
@@ -84,6 +81,9 @@ def first_loss(
 
     `held_before` says whether it is taken to have held just before `start_s`.
     """
+    names, is_aging = term.reads
+    if not is_aging and all(_lasts(cells[name].reading, start_s, end_s) for name in names):
+        return start_s if held_before and not term.holds(Present(cells, end_s)) else None
     for past in _moments(term, cells, start_s, end_s):
         holds = term.holds(past)
         if held_before and not holds:

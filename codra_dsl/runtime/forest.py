@@ -159,10 +159,10 @@ class Forest:
 
     def _run_rounds(self) -> bool:
         for _ in range(MAX_ROUNDS):
+            if not self._touched:
+                return True
             touched = self._touched.union(*map(self._looked_at_for.__getitem__, self._touched))
             names, self._touched = sorted(touched, key=self._position.__getitem__), set()
-            if not names:
-                return True
             now_s = self._clock.now_s()
             for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
                 self._commit(reading)

@@ -33,7 +33,6 @@ def leaf_stop(node: Behaviour, new_status: Status) -> None:
     """Bring a leaf's round to its end: it is its `stop`."""
     node.terminate(new_status)
     node.status = new_status
-    node.iterator = node.tick()
 
 
 def _tick_leaf(leaf: Behaviour) -> None:

@@ -141,10 +141,13 @@ class Scribe:
 def _of(events: Sequence[Event | Noted], kind: Kind, name: str | None) -> list[Event | Noted]:
     """Return the events of one kind, and of one name if one is given; there may be very many."""
     is_noted = kind is Kind.VARIABLE
-    found = [told for told in events if (is_noted if isinstance(told, tuple) else told.kind is kind)]
     if name is None:
-        return found
-    return [told for told in found if (told[1] if isinstance(told, tuple) else told.name) == name]
+        return [told for told in events if (is_noted if isinstance(told, tuple) else told.kind is kind)]
+    return [
+        told
+        for told in events
+        if (is_noted and told[1] == name if isinstance(told, tuple) else told.kind is kind and told.name == name)
+    ]
 
 
 def _event(told: Event | Noted) -> Event:

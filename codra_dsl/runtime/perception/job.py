@@ -93,4 +93,7 @@ class RunningJob:
     def told_by(self, now_s: float) -> tuple[float, Interval] | None:
         """Return the last that was told about the evidence up to an instant, and when."""
         with self._telling:
-            return next((told for told in reversed(self._told) if told[0] <= now_s), None)
+            for told in reversed(self._told):
+                if told[0] <= now_s:
+                    return told
+        return None

@@ -67,14 +67,19 @@ def tag_poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> tu
     gives that one.
     """
     square_m = _square_m(size_m)
-    poses = _solutions(square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_IPPE_SQUARE) or _solutions(
-        square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_SQPNP
-    )
     found = [
         TagPose(camera_from_tag=pose, error_px=_error_px(pose, square_m, detection.corners_px, intrinsics))
-        for pose in poses
+        for pose in _poses(detection, size_m, intrinsics)
     ]
     return tuple(sorted(found, key=lambda found: found.error_px))
+
+
+def _poses(detection: Detection, size_m: float, intrinsics: Intrinsics) -> list[Pose]:
+    """Return the poses of `tag_poses`."""
+    square_m = _square_m(size_m)
+    return _solutions(square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_IPPE_SQUARE) or _solutions(
+        square_m, detection.corners_px, intrinsics, cv2.SOLVEPNP_SQPNP
+    )
 
 
 @lru_cache(maxsize=64)
@@ -125,9 +130,9 @@ def _joint_fit(sightings: Sequence[_Sighting], intrinsics: Intrinsics) -> tuple[
     points_m = np.concatenate([sighting.tag.corners_m() for sighting in sightings])
     corners_px = np.concatenate([sighting.detection.corners_px for sighting in sightings])
     starts = [
-        found.camera_from_tag @ sighting.tag.part_from_tag.inverse()
+        camera_from_tag @ sighting.tag.part_from_tag.inverse()
         for sighting in sightings
-        for found in tag_poses(sighting.detection, sighting.tag.size_m, intrinsics)
+        for camera_from_tag in _poses(sighting.detection, sighting.tag.size_m, intrinsics)
     ]
     starts.sort(key=lambda start: _error_px(start, points_m, corners_px, intrinsics))
     refined = [_refined(start, points_m, corners_px, intrinsics) for start in starts[:_STARTS_REFINED]]

@@ -38,15 +38,16 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         """Chain two poses: `(a_from_b @ b_from_c)` is `a_from_c`."""
-        return Pose(self.rotation @ other.rotation, self.rotation @ other.translation_m + self.translation_m)
+        turned = self.rotation.dot  # of arrays so small, `@` takes twice as long
+        return Pose(turned(other.rotation), turned(other.translation_m) + self.translation_m)
 
     def inverse(self) -> Pose:
         """Return the pose that undoes this one."""
-        return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
+        return Pose(self.rotation.T, (-self.rotation.T).dot(self.translation_m))
 
     def apply(self, points_m: Array) -> Array:
         """Transform points of shape (n, 3) or (3,)."""
-        moved: Array = points_m @ self.rotation.T + self.translation_m
+        moved: Array = points_m.dot(self.rotation.T) + self.translation_m
         return moved
 
 

@@ -40,6 +40,12 @@ _OUTLIER_PX = 0.7
 _ALONG = np.linspace(_SIDE_MARGIN, 1 - _SIDE_MARGIN, _STATIONS)
 _ACROSS = np.linspace(-1.0, 1.0, _OFFSETS)
 _STEPS = np.arange(_OFFSETS - 1)
+_NEAR = (np.abs(_STEPS - _STEPS[:, None]) <= _OFFSETS // 5).astype(np.float64)
+"""By the steepest of the steps along a normal: 1 for those near it, 0 for the others."""
+
+_TURNED = np.array([1.0, -1.0])
+"""Times (y, x), the direction a quarter of a turn to the left of (x, y) in the image."""
+
 _NEXT, _PREVIOUS = [1, 2, 3, 0], [3, 0, 1, 2]
 """Of each of the four corners, or sides."""
 
@@ -65,7 +71,7 @@ def _edge_points(image: NDArray[np.float32], corners_px: Array) -> tuple[Array, 
     """Return per side the places of steepest change, shape (n, 4, stations, 2), and their weights (n, 4, stations)."""
     sides = corners_px.take(_NEXT, axis=1) - corners_px
     lengths = _lengths(sides)[..., None]
-    outwards = np.stack((sides[..., 1], -sides[..., 0]), axis=2) / np.maximum(lengths, 1e-9)
+    outwards = sides[..., ::-1] * _TURNED / np.maximum(lengths, 1e-9)
     reach_px = np.clip(_depths_px(corners_px, lengths[..., 0]) * (_REACH_CELLS / 8), *_REACH_PX)
     offsets_px = _ACROSS * reach_px[..., None]
     stations = corners_px[:, :, None, :] + _ALONG[:, None] * sides[:, :, None, :]
@@ -95,17 +101,15 @@ def _depths_px(corners_px: Array, lengths_px: Array) -> Array:
 
 def _brightness(image: NDArray[np.float32], right_px: Array, down_px: Array) -> Array:
     """Return the image at sub-pixel places, shape (n, 4, stations, offsets) as theirs."""
-    right, down = (places.reshape(-1, _OFFSETS).astype(np.float32) for places in (right_px, down_px))
+    right, down = (places.reshape(-1, _STATIONS * _OFFSETS).astype(np.float32) for places in (right_px, down_px))
     values = cv2.remap(image, right, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return values.reshape(right_px.shape).astype(np.float64)
 
 
 def _steepness(brightness: Array) -> Array:
     """Return how much brighter each sample is than the one before it, near the steepest place alone."""
-    steps = np.maximum(np.diff(brightness, axis=3), 0.0)
-    peak = steps.argmax(axis=3)[..., None]
-    near = np.abs(_STEPS - peak) <= _OFFSETS // 5
-    weights: Array = np.where(near, steps, 0.0) ** 2
+    steps = np.maximum(brightness[..., 1:] - brightness[..., :-1], 0.0)
+    weights: Array = steps * steps * _NEAR.take(steps.argmax(axis=3), axis=0)
     return weights
 
 
@@ -113,15 +117,15 @@ def _lines(edges: tuple[Array, Array]) -> tuple[Array, Array]:
     """Return a point and a direction, shape (n, 4, 2) each, of every side's line."""
     points, weights = edges
     centre, direction = _fit(points, weights)
-    normal = np.stack((-direction[..., 1], direction[..., 0]), axis=2)
-    away_px = np.abs(((points - centre[:, :, None, :]) * normal[:, :, None, :]).sum(axis=3))
+    normal = direction[..., ::-1] * _TURNED
+    away_px = np.abs(np.einsum("nski,nsi->nsk", points - centre[:, :, None, :], normal))
     return _fit(points, np.where(away_px <= _OUTLIER_PX, weights, 1e-6 * weights))
 
 
 def _fit(points: Array, weights: Array) -> tuple[Array, Array]:
     """Return centres and unit directions of weighted lines (total least squares)."""
     total = np.maximum(weights.sum(axis=2), 1e-9)[..., None]
-    centre = (points * weights[..., None]).sum(axis=2) / total
+    centre = np.einsum("nski,nsk->nsi", points, weights) / total
     arms = points - centre[:, :, None, :]
     spread = np.einsum("nsk,nski,nskj->nsij", weights, arms, arms)
     return centre, np.linalg.eigh(spread).eigenvectors[..., 1]

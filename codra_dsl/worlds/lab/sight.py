@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,7 +96,7 @@ class GeometricCamera:
         map_from_camera = state.map_from_camera()
         told = [(state.laboratory.machine(machine), part) for machine, part in parts]
         corners_m, normals = _corners_in_map(state, told)
-        seen = _inside_image(map_from_camera, corners_m)
+        seen = _inside_image(map_from_camera.inverse().apply(corners_m))
         seen &= np.einsum("ij,ij->i", map_from_camera.translation_m - corners_m, normals) > 0
         if seen.any():
             seen[seen] = self._unhidden(state, map_from_camera.translation_m, corners_m[seen])
@@ -116,7 +117,7 @@ class GeometricCamera:
         camera_from_tag = map_from_camera.inverse() @ map_from_tag
         corners_m = camera_from_tag.apply(_square(tag.size_m, _CORNERS))
         faces = float(camera_from_tag.rotation[:, 2] @ camera_from_tag.translation_m) < 0
-        middle_inside = _inside_image(map_from_camera, map_from_tag.translation_m[np.newaxis])[0]
+        middle_inside = _inside_image(map_from_camera.inverse().apply(map_from_tag.translation_m[np.newaxis]))[0]
         if not faces or not middle_inside or corners_m[:, 2].min() < _NEAREST_M:
             return None
         corners_px = INTRINSICS.project(corners_m)
@@ -147,16 +148,17 @@ def image_motion_px(before: LabState, after: LabState) -> float:
 
     Points are the corners of all tags, and the image's corners and middle at 1 m.
     """
-    camera_before, camera_after = before.map_from_camera(), after.map_from_camera()
-    reference_m = camera_before.apply(_reference_points())
+    camera = before.map_from_camera()
+    reference_m = camera.apply(_reference_points())
     parts = [(machine, part) for machine in before.laboratory.machines for part in machine.parts()]
-    first = np.concatenate((reference_m, _corners_in_map(before, parts)[0]))
-    second = np.concatenate((reference_m, _corners_in_map(after, parts)[0]))
-    both = _inside_image(camera_before, first) & _in_front(camera_after, second)
-    moved_px = _pixels(camera_after, second[both]) - _pixels(camera_before, first[both])
-    return float(np.linalg.norm(moved_px, axis=1).max())
+    first = camera.inverse().apply(np.concatenate((reference_m, _corners_in_map(before, parts)[0])))
+    second = after.map_from_camera().inverse().apply(np.concatenate((reference_m, _corners_in_map(after, parts)[0])))
+    both = _inside_image(first) & (second[:, 2] > _NEAREST_M)
+    moved_px = INTRINSICS.project(second[both]) - INTRINSICS.project(first[both])
+    return sqrt(np.add.reduce(moved_px * moved_px, axis=1).max())
 
 
+@lru_cache(maxsize=1)
 def _reference_points() -> Array:
     half_width = (INTRINSICS.width - 2) / 2 / INTRINSICS.focal_px
     half_height = (INTRINSICS.height - 2) / 2 / INTRINSICS.focal_px
@@ -165,6 +167,7 @@ def _reference_points() -> Array:
 
 
 _CORNERS = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
+_LAST_PX = np.array([INTRINSICS.width - 0.5, INTRINSICS.height - 0.5])
 _GRID = np.array([[x, y] for y in _COVER_GRID for x in _COVER_GRID])
 
 
@@ -188,19 +191,9 @@ def _corners_in_map(state: LabState, parts: Iterable[tuple[Machine, Part]]) -> t
     return np.concatenate([tags.corners_m for tags in placed]), np.concatenate([tags.normals for tags in placed])
 
 
-def _pixels(map_from_camera: Pose, points_m: Array) -> Array:
-    return INTRINSICS.project(map_from_camera.inverse().apply(points_m))
-
-
-def _in_front(map_from_camera: Pose, points_m: Array) -> NDArray[np.bool_]:
-    ahead: NDArray[np.bool_] = map_from_camera.inverse().apply(points_m)[:, 2] > _NEAREST_M
-    return ahead
-
-
-def _inside_image(map_from_camera: Pose, points_m: Array) -> NDArray[np.bool_]:
-    """Return which points, shape (n, 3) in the map, are in front of the camera and inside the image."""
-    inside = _in_front(map_from_camera, points_m)
-    pixels = _pixels(map_from_camera, points_m[inside])
-    size = np.array([INTRINSICS.width, INTRINSICS.height])
-    inside[inside] = ((pixels >= -0.5) & (pixels <= size - 0.5)).all(axis=1)
+def _inside_image(points_m: Array) -> NDArray[np.bool_]:
+    """Return which points, shape (n, 3) in the camera's frame, are in front of it and inside the image."""
+    inside: NDArray[np.bool_] = points_m[:, 2] > _NEAREST_M
+    pixels = INTRINSICS.project(points_m[inside])
+    inside[inside] = ((pixels >= -0.5) & (pixels <= _LAST_PX)).all(axis=1)
     return inside
