@@ -81,6 +81,11 @@ class AnyTrial(Protocol):
         """Return the seed of all that chance decides in it."""
         ...
 
+    @property
+    def draws_frames(self) -> bool:
+        """Return whether it draws frames of the laboratory."""
+        ...
+
     def run(self, folder: Path) -> AnyOutcome:
         """Run it; files to be kept go to the folder, which is made if there are some."""
         ...

@@ -137,5 +137,5 @@ def _digest_of(root: Path, files: list[Path]) -> str:
 @cache
 def _libraries() -> str:
     """Return the versions of what frames and perception are made with."""
-    there = {each.name: each.version for each in metadata.distributions() if each.name in _LIBRARIES}
+    there = {name: each.version for name in _LIBRARIES for each in metadata.distributions(name=name)}
     return f"{platform.python_version()} {sorted(there.items())}"

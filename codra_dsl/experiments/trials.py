@@ -61,6 +61,11 @@ class Trial:
     duration_s: float | None = None
     frames_kept: int = 0
 
+    @property
+    def draws_frames(self) -> bool:
+        """Return that it draws frames of the laboratory."""
+        return True
+
     def run(self, folder: Path) -> Outcome:
         """Run it; frames that are kept go to the folder."""
         return run_trial(self, folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import multiprocessing
 import os
 import signal
@@ -23,12 +24,11 @@ from codra_dsl.experiments.interrupts import interrupts_held_back
 from codra_dsl.experiments.records import ChangedMeanwhileError, TrialRecord
 from codra_dsl.experiments.spec_run import SpecError
 from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
-from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
+from codra_dsl.worlds.lab.gl import GraphicsUnavailableError, choose_backend, rely_on
 
 _SPAWN = multiprocessing.get_context("spawn")
 _TOLD_ENOUGH = (
     ChangedMeanwhileError,
-    GraphicsUnavailableError,
     SpecError,
     CallError,
     NotDeclaredError,
@@ -134,6 +134,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
         TrialError: if a trial fails; the others are given up.
         OSError: if something cannot be written.
     """
+    backend = _backend([record.trial for record in records])
     waiting = list(reversed(records))
     running: dict[connection.Connection, _Worker] = {}
     resource_tracker.ensure_running()  # later it would let interrupts through again as it starts
@@ -141,7 +142,7 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
         while waiting or running:
             with interrupts_held_back():  # also until it is known whom to end
                 while waiting and len(running) < processes:
-                    worker = _started(waiting.pop(), staging / str(len(waiting)))
+                    worker = _started(waiting.pop(), staging / str(len(waiting)), backend)
                     running[worker.told] = worker
             for told in connection.wait(list(running)):
                 assert isinstance(told, connection.Connection)
@@ -153,10 +154,23 @@ def run_in_processes(records: Sequence[TrialRecord], staging: Path, processes: i
             worker.end()
 
 
-def _started(record: TrialRecord, staging: Path) -> _Worker:
+def _backend(trials: Sequence[AnyTrial]) -> str | None:
+    """Return what draws the frames of trials, lest each of their processes finds it out; None if none draws any.
+
+    Raises:
+        TrialError: if nothing here draws.
+    """
+    drawing = [trial for trial in trials if trial.draws_frames]
+    try:
+        return choose_backend() if drawing else None
+    except GraphicsUnavailableError as error:
+        raise TrialError(drawing[0], str(error), None) from error
+
+
+def _started(record: TrialRecord, staging: Path, backend: str | None) -> _Worker:
     staging.mkdir()
     ours, theirs = _SPAWN.Pipe(duplex=False)
-    process = _SPAWN.Process(target=_work, args=(record, staging, theirs))
+    process = _SPAWN.Process(target=_work, args=(record, staging, backend, theirs))
     with _memory_kept():
         process.start()
     theirs.close()
@@ -200,12 +214,15 @@ def _end_of(code: int) -> str:
 # In the process of a trial
 
 
-def _work(record: TrialRecord, staging: Path, told: connection.Connection) -> None:
+def _work(record: TrialRecord, staging: Path, backend: str | None, told: connection.Connection) -> None:
     """Run a trial and say what became of it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    if backend is not None:
+        rely_on(backend)
     tempfile.tempdir = str(staging)
     told.send(_made(record, staging))
     told.close()
+    gc.freeze()  # the end gives back all memory anyway: to search it for cycles before would take long
 
 
 def _made(record: TrialRecord, staging: Path) -> _Told:

@@ -18,6 +18,7 @@ from codra_dsl.experiments.records import records_of
 from codra_dsl.experiments.spec_run import SpecError
 from codra_dsl.experiments.trials import Trial
 from codra_dsl.experiments.workers import TrialError
+from codra_dsl.worlds.lab import gl
 from tests.experiments.works import Dies, Exits, Raises, wanders
 
 SPECS = Path(__file__).parents[2] / "specs"
@@ -230,6 +231,17 @@ def test_a_trial_that_raises_is_named_and_told_whole_in_a_file(tmp_path: Path) -
     assert raised.value.details == tmp_path / TRIALS / "seed 7.error"
     assert "Traceback" in raised.value.details.read_text()
     assert [path.name for path in (tmp_path / TRIALS).iterdir()] == ["seed 7.error"]
+
+
+def test_a_machine_without_graphics_is_told_of_before_a_trial_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gl, "_known", [])
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
+
+    with pytest.raises(TrialError, match=r"trial 'seed 101' \(seed 101\): no OpenGL that draws without a screen"):
+        run(tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,11 @@ class StoreTrial:
     manager: Manager
     duration_s: float = LASTS_S
 
+    @property
+    def draws_frames(self) -> bool:
+        """Return that it draws no frames of the laboratory."""
+        return False
+
     def run(self, folder: Path) -> StoreOutcome:
         """Run it; nothing is kept but its outcome.
 

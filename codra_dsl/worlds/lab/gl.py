@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from enum import StrEnum
-from functools import lru_cache
 from typing import Protocol
 
 _PROBE = """
@@ -18,6 +17,9 @@ with mujoco.Renderer(model, 8, 8) as renderer:
     renderer.render()
 """
 _PROBE_TIMEOUT_S = 60.0
+
+_known: list[str] = []
+"""What is known to draw here, once it is."""
 
 
 class Backend(StrEnum):
@@ -43,23 +45,34 @@ class Context(Protocol):
         ...
 
 
-@lru_cache(maxsize=1)
 def choose_backend() -> str:
     """Return "egl" or "osmesa", whichever draws here, and set MUJOCO_GL to it for whoever imports MuJoCo later.
 
     Each is tried in a process of its own, as a failed attempt spoils the process it is made in. If MUJOCO_GL names one
-    of them already, only that one is tried.
+    of them already, only that one is tried. What drew once is not tried again.
 
     Raises:
         GraphicsUnavailableError: none of them draws.
     """
+    if not _known:
+        rely_on(_tried())
+    return _known[0]
+
+
+def rely_on(backend: str) -> None:
+    """Let `choose_backend` return a backend that drew for another process of this program, and try none."""
+    os.environ["MUJOCO_GL"] = backend
+    _known[:] = [backend]
+
+
+def _tried() -> str:
+    """Return the first backend that draws."""
     asked = os.environ.get("MUJOCO_GL", "").strip().lower()
     candidates = [backend for backend in Backend if backend == asked] or list(Backend)
     failures: list[str] = []
     for backend in candidates:
         failure = _failure_of(backend)
         if failure is None:
-            os.environ["MUJOCO_GL"] = backend.value
             return backend.value
         failures.append(f"{backend.value}: {failure}")
     raise GraphicsUnavailableError(

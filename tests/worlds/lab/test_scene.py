@@ -119,12 +119,18 @@ def test_the_backend_that_was_chosen_draws_and_is_named_to_mujoco() -> None:
     assert os.environ["MUJOCO_GL"] == backend
 
 
+HIDDEN = {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null", "PYTHONPATH": os.pathsep.join(sys.path)}
+"""The environment of a machine without graphics."""
+
+
+def said_without_graphics(program: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | HIDDEN, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
 def test_a_machine_without_graphics_is_told_what_to_install() -> None:
-    hidden = {
-        "MUJOCO_GL": "egl",
-        "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null",
-        "PYTHONPATH": os.pathsep.join(sys.path),
-    }
     program = """
 from codra_dsl.worlds.lab import gl
 try:
@@ -133,9 +139,18 @@ except gl.GraphicsUnavailableError as error:
     print(error)
 """
 
-    done = subprocess.run(
-        [sys.executable, "-c", program], env=os.environ | hidden, capture_output=True, text=True, check=True
-    )
+    said = said_without_graphics(program)
 
-    assert "apt-get install libosmesa6" in done.stdout
-    assert "egl: " in done.stdout
+    assert "apt-get install libosmesa6" in said
+    assert "egl: " in said
+
+
+def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
+    program = """
+import os
+from codra_dsl.worlds.lab import gl
+gl.rely_on("osmesa")
+print(gl.choose_backend(), os.environ["MUJOCO_GL"])
+"""
+
+    assert said_without_graphics(program) == "osmesa osmesa\n"
