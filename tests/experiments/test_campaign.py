@@ -240,7 +240,7 @@ def test_a_machine_without_graphics_is_told_of_before_a_trial_begins(
     monkeypatch.setenv("MUJOCO_GL", "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
 
-    with pytest.raises(TrialError, match=r"trial 'seed 101' \(seed 101\): no OpenGL that draws without a screen"):
+    with pytest.raises(TrialError, match=r"trial 'seed 301' \(seed 301\): no OpenGL that draws without a screen"):
         run(tmp_path)
 
 
