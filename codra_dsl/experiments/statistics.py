@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 LEVEL = 0.95
 """How many of all intervals made this way hold what they are made for."""
@@ -165,6 +164,8 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
     Raises:
         ValueError: if a sample has fewer than two values.
     """
+    from scipy import stats
+
     if min(len(first), len(second)) < 2:
         raise ValueError("a variance needs two values at least")
     if _variance(first) + _variance(second) == 0.0:
@@ -182,6 +183,8 @@ def welch(first: Sequence[float], second: Sequence[float]) -> Welch | None:
 
 
 def _hedges_g(difference: float, first: Sequence[float], second: Sequence[float]) -> Estimate:
+    from scipy import stats
+
     variances, degrees = (_variance(first), _variance(second)), (len(first) - 1, len(second) - 1)
     mean_variance = sum(variances) / 2
     effect = difference / math.sqrt(mean_variance)
@@ -229,6 +232,8 @@ def _resampled(statistic: Any, value: float | None, *samples: Sequence[Share]) -
 
 def _interval(statistic: Any, columns: Sequence[_Array]) -> tuple[float, float] | tuple[None, None]:
     """Return the ends; if leaving out any run changes nothing, both are the value itself."""
+    from scipy import stats
+
     runs = range(len(columns[0]))
     without_one = np.array([statistic(*(np.delete(column, run) for column in columns)) for run in runs])
     if np.ptp(without_one) <= _NOTHING:
