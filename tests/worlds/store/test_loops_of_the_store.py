@@ -17,11 +17,11 @@ from tests.cli.test_commands import ROOT, codra
 from tests.runtime.journals import read
 
 LASTS_S = {
-    Situation.ORDINARY: 155.0,
-    Situation.SECOND_ORDER: 275.0,
-    Situation.PEOPLE_CLOSE: 50.0,
-    Situation.HIDDEN: 85.0,
-    Situation.ABSENT: 95.0,
+    Situation.ORDINARY: 150.0,
+    Situation.SECOND_ORDER: 262.0,
+    Situation.PEOPLE_CLOSE: 45.0,
+    Situation.HIDDEN: 70.0,
+    Situation.ABSENT: 88.0,
 }
 """Long enough for what each situation is about, with the seeds that are asked for."""
 
@@ -64,18 +64,29 @@ class Told:
         )
 
 
-SEED = 7
+SEEDS = {
+    Situation.ORDINARY: 4,
+    Situation.SECOND_ORDER: 7,
+    Situation.PEOPLE_CLOSE: 7,
+    Situation.HIDDEN: 6,
+    Situation.ABSENT: 3,
+}
+"""Where one seed is enough."""
 
 
 @cache
-def told(situation: Situation, seed: int = SEED, lasts_s: float | None = None) -> Told:
-    return Told(situation, seed, LASTS_S[situation] if lasts_s is None else lasts_s)
+def told_by(situation: Situation, seed: int) -> Told:
+    return Told(situation, seed, LASTS_S[situation])
+
+
+def told(situation: Situation) -> Told:
+    return told_by(situation, SEEDS[situation])
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_an_ordinary_order_is_delivered(seed: int) -> None:
     """With seed 3 somebody stands for a while where the robot is to turn."""
-    run = told(Situation.ORDINARY, seed)
+    run = told_by(Situation.ORDINARY, seed)
 
     assert run.written("order_1.state") == ["open", "done"]
     assert run.run.score.deliveries == ("delivery",)
@@ -98,7 +109,7 @@ def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instea
 @pytest.mark.parametrize("seed", [4, 7])
 def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed: int) -> None:
     """P2's second situation: `start` weighs most. The order stays open."""
-    run = told(Situation.PEOPLE_CLOSE, seed)
+    run = told_by(Situation.PEOPLE_CLOSE, seed)
     values = curves(run.events, ["safety", *(f"weight_of_{each}" for each in ("pick", "deliver", "start", "dock"))])
     switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
     then = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
@@ -112,7 +123,7 @@ def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed
 
 
 def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
-    run = told(Situation.PEOPLE_CLOSE, 6, 300.0)
+    run = Told(Situation.PEOPLE_CLOSE, 6, 293.0)
     tasks = run.tasks()
 
     assert run.written("order_1.state")[-1] == "done"
@@ -123,7 +134,7 @@ def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_p
 
 @pytest.mark.parametrize("seed", [6, 8])
 def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
-    tasks = told(Situation.HIDDEN, seed).tasks()
+    tasks = told_by(Situation.HIDDEN, seed).tasks()
 
     assert [each for each in tasks if each.startswith("detecting")] == [
         *("detecting lost", "detecting found", "detecting found"),
@@ -133,7 +144,7 @@ def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_seco
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(seed: int) -> None:
-    run = told(Situation.ABSENT, seed)
+    run = told_by(Situation.ABSENT, seed)
 
     assert [each for each in run.tasks() if each.startswith(("detecting", "fetching"))] == [
         *("detecting lost", "detecting lost", "fetching not_found"),
@@ -146,10 +157,9 @@ def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(s
 
 @pytest.mark.parametrize("situation", LASTS_S)
 def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
-    seed = 6 if situation is Situation.HIDDEN else SEED
-    again = Told(situation, seed, LASTS_S[situation])
+    again = Told(situation, SEEDS[situation], LASTS_S[situation])
 
-    assert again.journal.read_bytes() == told(situation, seed).journal.read_bytes()
+    assert again.journal.read_bytes() == told(situation).journal.read_bytes()
 
 
 def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
@@ -162,7 +172,7 @@ def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> No
         "--situation",
         "people-close",
         "--seed",
-        str(SEED),
+        str(SEEDS[Situation.PEOPLE_CLOSE]),
         "--for",
         told_s,
     )
