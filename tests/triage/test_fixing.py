@@ -6,7 +6,7 @@ import random
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import pytest
@@ -25,9 +25,15 @@ VALID = sorted([*(CASES / "valid").glob("*.yaml"), *(ROOT / "specs").glob("*.yam
 MARK = b"\xef\xbb\xbf"
 
 
+@lru_cache(maxsize=16)
+def linted(data: bytes, root: Path, file: str) -> Sequence[Diagnostic]:
+    """What is found in a text: fixes of it, and what is asserted of them, ask for it several times."""
+    return plan_text(data, file, root).diagnostics
+
+
 def fixed(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") -> Fixed:
     original = data.encode() if isinstance(data, str) else data
-    return fix_all(lambda texts: plan_text(texts.get(file, original), file, root).diagnostics, {file: original})
+    return fix_all(lambda texts: linted(texts.get(file, original), root, file), {file: original})
 
 
 def after(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") -> bytes:
@@ -36,7 +42,7 @@ def after(data: str | bytes, root: Path = CASES / "invalid", file: str = "-") ->
 
 
 def errors(data: bytes, root: Path, file: str = "-") -> Counter[tuple[str, str]]:
-    found = plan_text(data, file, root).diagnostics
+    found = linted(data, root, file)
     return Counter((each.code, each.message) for each in found if each.severity is Severity.ERROR)
 
 
