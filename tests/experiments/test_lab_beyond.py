@@ -33,7 +33,7 @@ from codra_dsl.model import Condition
 from codra_dsl.worlds.lab.laboratory import LABORATORY, LidMoved, PersonBefore
 
 SPEC = Path(__file__).parents[2] / "specs" / "lab.yaml"
-DURATION_S = 30.0
+DURATION_S = 40.0
 BEYOND = [
     DISTURBANCES,
     lab_options.EXPERIMENT,
@@ -270,7 +270,7 @@ def test_a_spec_without_a_block_of_use_is_refused(tmp_path: Path) -> None:
 
 
 def test_more_machines_make_the_slot_dearer_for_naive_observers(tmp_path: Path) -> None:
-    told = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=25.0)
+    told = judged(lab_budgets.EXPERIMENT, tmp_path, seeds=1, duration_s=40.0)
     jobs = {
         count: told.outcomes[f"machines-{count}-run-{FIRST_REPORTED_SEED}"].arms[NAIVE.name].triggers
         for count in lab_budgets.MACHINES
