@@ -1,5 +1,8 @@
 # `make demo` and `make test` set up all that they need; README.md has the line for Debian's packages.
 
+# Tests start hundreds of processes, and each would compile the whole package anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -257,7 +257,7 @@ def test_bytes_that_are_no_request_hurt_nobody(shop: OpenShop) -> None:
     shop.during(send)
 
     assert shop.written() == (0, False)
-    assert shop.ask("GET", "/")[0] == 200
+    assert any(shop.ask("GET", "/")[0] == 200 for _ in range(100))  # first it has to notice that all are gone
 
 
 def test_answers_let_a_browser_take_nothing_from_elsewhere(shop: OpenShop) -> None:
