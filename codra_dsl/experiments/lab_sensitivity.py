@@ -270,7 +270,7 @@ def _number_table(found: _Found) -> Table:
 EXPERIMENT = Experiment(
     name="lab-sensitivity",
     question="In which laboratories, and with which numbers in the spec, does the advantage over naive vanish?",
-    seeds=2,
+    seeds=4,
     trials=trials,
     judge=judge,
 )
