@@ -45,9 +45,10 @@ demo: $(READY)
 rafcon: $(RAFCON_READY)
 	$(RAFCON)/bin/python -m examples.rafcon_lab --seeds 3
 
+# Many tests wait for a process or for real time: one worker more than there are cores keeps the cores busy.
 test: lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check
-	$(BIN)/pytest --numprocesses auto --dist loadfile
+	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile
 	$(RAFCON)/bin/python -m pytest tests/bridges/rafcon
 
 lint: $(READY)
