@@ -48,10 +48,10 @@ COMPARED = (
 """The pairs of arms whose difference is told: each arm, less the one that it is compared with."""
 
 _NOTE = (
-    "All arms watch the same frames of a run, each with a vision slot of its own; the same work begun at the "
-    "same instant takes the same time in each. The main execution looks at each of its decisions by itself and uses "
-    "none of them, so what happens in a run depends on no arm. Right, wrong and "
-    "unknown seconds add up to the run. Ratios over runs are of sums, as in P1's Total."
+    "All arms watch the same frames of a run, each with a vision slot of its own; the same work begun at the same "
+    "instant takes the same time in each. The main execution looks at each of its decisions by itself and uses none of "
+    "them, so what happens in a run depends on no arm. Right, wrong and unknown seconds add up to the run. Ratios over "
+    "runs are of sums, as in P1's Total."
 )
 
 

@@ -318,7 +318,7 @@ def test_a_number_is_scaled_where_it_stands_and_a_small_whole_one_stays_whole() 
 
 
 def test_each_laboratory_is_compared_with_naive_observers_in_it(tmp_path: Path) -> None:
-    told = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=12.0)
+    told = judged(lab_sensitivity.EXPERIMENT, tmp_path, seeds=1, duration_s=35.0)
     names = {"as it is", *(each.name for each in lab_sensitivity.VARIATIONS)}
 
     assert set(told.document.results) == names

@@ -89,7 +89,7 @@ PIECES = st.sampled_from(
 )
 
 
-@settings(max_examples=600)
+@settings(max_examples=1500)
 @given(st.lists(PIECES, max_size=14).map("".join))
 def test_comments_are_what_the_scanner_of_pyyaml_goes_past(text: str) -> None:
     try:

@@ -15,7 +15,7 @@ import numpy as np
 from codra_dsl.experiments.campaign import TRIALS
 from codra_dsl.experiments.outcomes import KeptFrame, Outcome
 from codra_dsl.model import Algorithm, Spec
-from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.frame import Frame, StillCamera
 from codra_dsl.worlds.lab.layout import INTRINSICS
 from codra_dsl.worlds.lab.poses import Pose
 
@@ -70,7 +70,7 @@ def _perceived(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str
         believed_map_from_camera=Pose(np.array(rotation), np.array(translation_m)),
         stamp_s=kept.evidence_s,
     )
-    found = _function(algorithm.call)(**dict(algorithm.parameters), camera=_Still(frame), job=_PassingJob())
+    found = _function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
     return dict(found)
 
 
@@ -78,19 +78,6 @@ def _function(call: str) -> Callable[..., Mapping[str, Any]]:
     module, _, name = call.partition(":")
     found: Callable[..., Mapping[str, Any]] = getattr(import_module(module), name)
     return found
-
-
-@dataclass(frozen=True, slots=True)
-class _Still:
-    """A camera that shows one frame whenever it is asked."""
-
-    frame: Frame
-
-    def capture(self) -> Frame:
-        return self.frame
-
-    def processing_s(self, mean_s: float) -> float:
-        return mean_s
 
 
 @dataclass(slots=True)

@@ -77,7 +77,7 @@ class FramesByInstant(Protocol):
     """Anything that has a frame for every instant, and a computer to look at them.
 
     Attributes:
-        computer: it.
+        computer: what looks at its frames.
     """
 
     computer: Computer

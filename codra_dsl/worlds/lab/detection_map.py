@@ -18,7 +18,7 @@ from random import Random
 import numpy as np
 
 from codra_dsl.worlds.lab.camera import FrameSource
-from codra_dsl.worlds.lab.frame import Frame
+from codra_dsl.worlds.lab.frame import Frame, StillCamera
 from codra_dsl.worlds.lab.layout import MACHINES, Machine, Part, Tag
 from codra_dsl.worlds.lab.perception import localize_lid
 from codra_dsl.worlds.lab.poses import Array, Pose, looking_at
@@ -88,19 +88,6 @@ class View:
     corner_error_px: float | None
     lid_error_rad: float | None
     lid_markers: int
-
-
-@dataclass(frozen=True, slots=True)
-class _OneFrame:
-    """A camera that shows one frame."""
-
-    frame: Frame
-
-    def capture(self) -> Frame:
-        return self.frame
-
-    def processing_s(self, mean_s: float) -> float:
-        return mean_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +180,7 @@ def _turn(world: LabWorld, machine: str, lid_rad: float, at_s: float) -> None:
 
 def _view(frame: Frame, state: LabState, machine: str, cell: tuple[float, int], tag: TagInView | None) -> View:
     found = {detection.tag_id: detection.corners_px for detection in detect(frame)}
-    lid = localize_lid(machine=machine, camera=_OneFrame(frame), job=_Timeless())
+    lid = localize_lid(machine=machine, camera=StillCamera(frame), job=_Timeless())
     true_rad = state.joints_rad[JointKey(machine, Part.LID)]
     is_whole = tag is not None and tag.margin_px >= 4.0 and tag.covered == 0.0
     corner_error_px = None

@@ -62,9 +62,11 @@ class _OwnCamera:
     random: Random
 
     def capture(self) -> Frame:
+        """Take a frame now."""
         return self.camera.capture()
 
     def processing_s(self, mean_s: float) -> float:
+        """Return a time drawn anew."""
         return processing_s(self.random, mean_s)
 
 

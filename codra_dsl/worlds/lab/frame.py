@@ -73,6 +73,21 @@ class Camera(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class StillCamera:
+    """A camera that shows one frame whenever it is asked, and whose computer always takes the mean time."""
+
+    frame: Frame
+
+    def capture(self) -> Frame:
+        """Return the frame."""
+        return self.frame
+
+    def processing_s(self, mean_s: float) -> float:
+        """Return the mean time."""
+        return mean_s
+
+
 class Base(Protocol):
     """The handle that perception functions get as `base`: the mobile base's own state."""
 
