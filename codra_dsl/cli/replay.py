@@ -154,10 +154,21 @@ def _run(
 
 
 def _default(head: Head) -> Path:
-    """Return the package that stands where `codra compile` puts it."""
+    """Return the package that `codra compile` wrote for the spec that a journal names.
+
+    A replay runs the package, and the journal may come from anybody: so only an identifier selects a package, and only
+    one inside the project. A path in the journal, or a link that leads out of the project, is refused.
+    """
     from codra_dsl.project import root_of
 
-    folder = root_of(Path.cwd()) / "generated" / head.spec
+    if not (head.spec.isascii() and head.spec.isidentifier()):
+        message = f"the journal names its spec {head.spec[:60]!r}, which is not a name: state --package or --spec"
+        raise typer.BadParameter(message, param_hint="FILE")
+    root = root_of(Path.cwd()).resolve()
+    folder = root / "generated" / head.spec
+    if not folder.resolve().is_relative_to(root):
+        message = f"the package '{folder}' is a link out of the project: state --package to run it"
+        raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
         message = f"there is no package '{folder}' of '{head.spec}': say where with --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")

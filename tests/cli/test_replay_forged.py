@@ -1,0 +1,65 @@
+"""`codra replay` of journals that name a package by a path: nothing outside the project runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.projects import run_project
+from tests.cli.test_commands import codra
+
+SPEC = "codra: 1\nname: shop\ncontext:\n  near: {type: bool, source: main_execution, valid_for: 1 s}\n"
+
+PROGRAM = """\
+import sys
+from dataclasses import replace
+from codra_dsl.runtime import Journal, SimClock
+from generated import shop
+
+model = replace(shop.MODEL, name=sys.argv[1])
+with shop.Shop(model, clock=SimClock(), resources={}, record=Journal("run.mcap")) as codra:
+    codra.set("near", True)
+"""
+
+PACKAGE = "import pathlib\npathlib.Path({mark!r}).write_text('ran')\nMODEL = None\n"
+
+
+def forged(folder: Path, spec: str) -> Path:
+    """Make a project whose journal names its spec by any text; return the project."""
+    run_project(folder / "project", {"specs/shop.yaml": SPEC, "program.py": PROGRAM}, spec)
+    return folder / "project"
+
+
+def planted(folder: Path, mark: Path) -> Path:
+    """Write a package that leaves a mark when it is imported."""
+    folder.mkdir(parents=True)
+    (folder / "manifest.json").write_text("{}")
+    (folder / "__init__.py").write_text(PACKAGE.format(mark=str(mark)))
+    return folder
+
+
+@pytest.mark.parametrize("form", ["absolute", "../../outside", "shop/../../../outside", "."])
+def test_a_journal_that_names_a_path_runs_no_package(form: str, tmp_path: Path) -> None:
+    (tmp_path / "project").mkdir()
+    outside = planted(tmp_path / "outside", tmp_path / "mark")
+    project = forged(tmp_path, str(outside) if form == "absolute" else form)
+
+    done = codra("replay", "run.mcap", cwd=project)
+
+    assert done.returncode == 2
+    assert "which is not a name: state --package or --spec" in " ".join(done.stderr.replace("│", " ").split())
+    assert not (tmp_path / "mark").exists()
+
+
+def test_a_package_that_is_a_link_out_of_the_project_does_not_run(tmp_path: Path) -> None:
+    (tmp_path / "project").mkdir()
+    outside = planted(tmp_path / "outside", tmp_path / "mark")
+    project = forged(tmp_path, "linked")
+    (project / "generated/linked").symlink_to(outside)
+
+    done = codra("replay", "run.mcap", cwd=project)
+
+    assert done.returncode == 2
+    assert "is a link out of the project" in " ".join(done.stderr.replace("│", " ").split())
+    assert not (tmp_path / "mark").exists()
