@@ -12,7 +12,7 @@ RAFCON_READY := $(RAFCON)/.ready
 FUZZYLITE := .venv-fuzzylite
 FUZZYLITE_READY := $(FUZZYLITE)/.ready
 FUZZYLITE_PINS := benchmarks/fuzzylite-requirements.txt
-RAFCON_PINS := codra_dsl/bridges/rafcon/requirements.txt
+RAFCON_PINS := codra_dsl/integrations/rafcon/requirements.txt
 
 # Python itself, the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along, and the
 # browser in which the store's page is tested.
@@ -49,37 +49,37 @@ rafcon: $(RAFCON_READY)
 test: lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check
 	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile
-	$(RAFCON)/bin/python -m pytest tests/bridges/rafcon
+	$(RAFCON)/bin/python -m pytest tests/integrations/rafcon
 
 lint: $(READY)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/mypy --strict codra_dsl generated
+	$(BIN)/mypy --strict codra_dsl codra_papers generated
 	$(BIN)/lint-imports --no-logo
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
-	$(BIN)/pytest tests/test_cases.py tests/report/test_explain.py --renew-cases
+	$(BIN)/pytest tests/test_cases.py tests/tooling/report/test_explain.py --renew-cases
 
 # One token of a valid spec is deleted, misspelt or retyped, 4,000 times: is it found, and how near?
 mutants: $(READY)
-	$(BIN)/python -m tests.mutants 4000
+	$(BIN)/python -m tests.campaigns.mutants 4000
 
 # Ten thousand hostile inputs under an audit hook: nothing may crash, hang, be run, or be written elsewhere.
 fuzz: $(READY)
-	$(BIN)/python -m tests.hostile 10000
+	$(BIN)/python -m tests.campaigns.hostile 10000
 
 # Two thousand writers of journals and fifty robots are killed: does each journal recover, with all that was told of?
 kills: $(READY)
-	$(BIN)/python -m tests.kills 2000 1 50
+	$(BIN)/python -m tests.campaigns.kills 2000 1 50
 
 # Why is a variable unknown, at two hundred random points? What is named as missing is supplied in a second run.
 whys: $(READY)
-	$(BIN)/python -m tests.whys 200
+	$(BIN)/python -m tests.campaigns.whys 200
 
 # Eight threads do ten thousand things with one context manager: does it hang, lose a wake-up, run what it should not?
 crowd: $(READY)
-	$(BIN)/python -m tests.crowd 10000 1 2 3
+	$(BIN)/python -m tests.campaigns.crowd 10000 1 2 3
 
 # Each row of benchmarks/results.json, measured beside its peer in one run; leave the machine alone meanwhile.
 bench: $(READY) $(FUZZYLITE_READY)
@@ -87,14 +87,15 @@ bench: $(READY) $(FUZZYLITE_READY)
 
 wheel: $(READY)
 	$(BIN)/python -m build --wheel --no-isolation
+	$(BIN)/python -m build --wheel --no-isolation --outdir dist codra_papers
 
 clean:
 	rm -rf $(VENV) $(RAFCON) $(FUZZYLITE) build dist .codra_cache .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(READY): pyproject.toml | prerequisites
+$(READY): pyproject.toml codra_papers/pyproject.toml | prerequisites
 	$(PYTHON) -m venv --clear $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[dev]' --editable './codra_papers[lab,store]'
 	touch $@
 
 # RAFCON's core on top of what $(VENV) has: its other requirements draw its windows, and its pins are old.

@@ -21,12 +21,12 @@ import numpy as np
 from fuzzylite_calls import ROOT, FuzzyLite
 from rows import Row
 
-from codra_dsl.check.mape.checked import CheckedMape
 from codra_dsl.compiler import plan_paths
-from codra_dsl.fuzzy import write_fll
+from codra_dsl.language.behavior_trees import NodeKind
+from codra_dsl.language.check.checked.loops import CheckedMape
+from codra_dsl.language.fuzzy import write_fll
 from codra_dsl.runtime import SimClock
-from codra_dsl.runtime.trees import Result, Robot
-from codra_dsl.trees import NodeKind
+from codra_dsl.runtime.behavior_trees import Result, Robot
 from generated import store
 
 PERIOD_S = 0.1

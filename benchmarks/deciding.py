@@ -13,10 +13,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from codra_dsl.runtime import WallClock
-from codra_dsl.runtime.messages import RemoteContext, Server
-from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
-from codra_dsl.worlds.lab.robot import Localization
-from codra_dsl.worlds.lab.world import LabWorld
+from codra_dsl.runtime.remote import RemoteContext, Server
+from codra_papers.lab.robot import Localization
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource
+from codra_papers.lab.simulator.world import LabWorld
 from generated import lab
 
 DECISIONS = 5_000

@@ -19,7 +19,7 @@ import numpy as np
 from fuzzylite_calls import ROOT, FuzzyLite
 from rows import Row
 
-from codra_dsl.fuzzy import compile_engine, read_fll
+from codra_dsl.language.fuzzy import compile_engine, read_fll
 
 ENGINES = ROOT / "tests" / "data" / "fuzzy"
 FILES = (ENGINES / "store_metrics.fll", ENGINES / "store_actions.fll")

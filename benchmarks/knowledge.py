@@ -20,7 +20,7 @@ from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.geometry import Motion, Pose
 from codra_dsl.runtime.knowledge import Knowledge
 from codra_dsl.runtime.knowledge.declarations import AttributeModel, EdgeTypeModel, KnowledgeModel, NodeTypeModel, by
-from codra_dsl.runtime.model import integer
+from codra_dsl.runtime.values.model import integer
 
 NODES = 500
 READS = 1_000

@@ -1,4 +1,4 @@
-"""Python's cyclic garbage collector, paused while many values are made and none of them is garbage."""
+"""Pause Python's cyclic garbage collector while many values are created and all of them stay in use."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+__all__ = [
+    "paused_collector",
+]
+
 
 @contextmanager
 def paused_collector() -> Iterator[None]:
-    """Pause the collector, which would look through all values again and again as they grow in number.
+    """Pause the collector, which would traverse all values again and again as their number grows.
 
-    What was made counts as old afterwards, so that the collector does not look through all of it at once. Also a
-    decorator: `@paused_collector()`.
+    Afterwards the new values belong to the old generation, so that the collector does not traverse all of them at once.
+    Also works as a decorator: `@paused_collector()`.
     """
     was_enabled = gc.isenabled()
     gc.disable()
@@ -20,7 +24,7 @@ def paused_collector() -> Iterator[None]:
         yield
     finally:
         if was_enabled:
-            if gc.get_freeze_count() == 0:  # else it is the caller's business what is frozen
+            if gc.get_freeze_count() == 0:  # else the caller decides what is frozen
                 gc.freeze()
                 gc.unfreeze()
             gc.enable()

@@ -1,4 +1,9 @@
-"""Load, check, plan, emit: each stage takes the values of the one before and adds its findings."""
+"""The stages of compiling: find, load, check, plan, triage, emit.
+
+Each stage is one function. It takes the frozen values of the stage before and adds its own results and findings. Load,
+check and plan are generators: one spec passes all three before the next spec is read, so the YAML nodes of only one
+spec are in memory at a time.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +11,29 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from codra_dsl.build_plan import BuildPlan
-from codra_dsl.cache import Run
-from codra_dsl.check import check
 from codra_dsl.collector import paused_collector
-from codra_dsl.diagnostics import Diagnostic, Related, has_errors
-from codra_dsl.emit import emit, package_text
-from codra_dsl.load import Files, Loaded, find_files, load_spec, load_text
-from codra_dsl.load.source import AS_ON_DISK
-from codra_dsl.model import Spec
-from codra_dsl.output import RULES, digests
-from codra_dsl.plan import plan
-from codra_dsl.project import relative
-from codra_dsl.timings import UNTIMED, Timings
-from codra_dsl.trees.named import files_read, read_trees
-from codra_dsl.triage import Settings, read_sources, settings_of, triaged
+from codra_dsl.generation.algorithm2 import plan
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.emit import emit, package_text
+from codra_dsl.generation.output import RULES, digests
+from codra_dsl.language.behavior_trees.named import files_read, read_trees
+from codra_dsl.language.check import CheckedSpec, check
+from codra_dsl.language.diagnostics import Diagnostic, Related, has_errors
+from codra_dsl.language.load import Files, Loaded, find_files, load_spec, load_text
+from codra_dsl.language.load.yaml.source import AS_ON_DISK
+from codra_dsl.language.model import Spec
+from codra_dsl.language.project import relative
+from codra_dsl.workspace.cache import Run
+from codra_dsl.workspace.suppression import Settings, read_sources, settings_of, triaged
+from codra_dsl.workspace.timings import UNTIMED, Timings
+
+__all__ = [
+    "Compilation",
+    "Planned",
+    "compile_paths",
+    "plan_paths",
+    "plan_text",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +42,10 @@ class Planned:
 
     Attributes:
         root: the folder that all paths in findings are relative to.
-        plans: of the specs without errors that keep them from being planned, by name.
-        diagnostics: as the project's settings and comments in the specs want them, in file order, each once.
-        files: of the specs, with their parts, relative to the root; `specs` has those of the specs alone.
-        modules: files of Python modules and of trees that were read, or looked for in vain, relative to the root.
+        plans: one for each spec without an error that prevents planning, sorted by name.
+        diagnostics: the findings after triage, in file order, without duplicates.
+        files: the files of the specs and their parts, relative to the root; `specs` has the files of the specs alone.
+        modules: files of Python modules and of trees that were read or were missing, relative to the root.
     """
 
     root: Path
@@ -44,7 +57,7 @@ class Planned:
     modules: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return what a command shows of them."""
+        """Return the part that a command shows and the cache keeps."""
         files = (*self.files, *self.modules)
         return Run(diagnostics=self.diagnostics, specs=self.specs, files=files, fail_on=self.settings.fail_on)
 
@@ -54,7 +67,7 @@ class Compilation:
     """Specs that were compiled.
 
     Attributes:
-        files: the output by path, relative to the output folder; empty where there are errors.
+        files: the generated text by path, relative to the output folder; empty if there is an error.
         covered: the files and folders that were compiled, relative to the root.
     """
 
@@ -63,20 +76,63 @@ class Compilation:
     covered: tuple[str, ...] = ()
 
     def as_run(self) -> Run:
-        """Return what a command shows of them."""
+        """Return the part that a command shows and the cache keeps."""
         return replace(self.planned.as_run(), outputs=digests(self.files), covered=self.covered)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Request:
+    """The specs that one call asks for.
+
+    Attributes:
+        root: the folder of the project.
+        found: the specs and parts below the requested paths.
+        specs: the files of the specs, relative to the root.
+        paths: the requested files and folders, relative to the root.
+        texts: contents of files that are not read from disk.
+    """
+
+    root: Path
+    found: Files
+    specs: Sequence[str]
+    paths: Sequence[str]
+    texts: Mapping[str, bytes]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Checked:
+    """One spec after the stage `check`.
+
+    Attributes:
+        spec: None if the file could not be read as a spec.
+        checked: None if an error prevents planning.
+        tree_files: files of behaviour trees that were read or were missing, relative to the root.
+        diagnostics: the findings of load, then those of check.
+    """
+
+    spec: Spec | None
+    checked: CheckedSpec | None
+    tree_files: tuple[str, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PlannedSpec:
+    """One spec after the stage `plan`; `build_plan` is None if an error prevents planning."""
+
+    spec: Spec | None
+    build_plan: BuildPlan | None
+    tree_files: tuple[str, ...]
+    diagnostics: tuple[Diagnostic, ...]
 
 
 @paused_collector()
 def compile_paths(paths: Sequence[Path], root: Path, timings: Timings = UNTIMED) -> Compilation:
-    """Compile all specs at or below some paths; with an error in any of them nothing is emitted."""
+    """Compile all specs at or below some paths; if any of them has an error, nothing is emitted."""
     planned = plan_paths(paths, root, timings=timings)
     if has_errors(planned.diagnostics):
         return Compilation(planned=planned)
-    with timings.stage("emit"):
-        files = {"__init__.py": package_text()}
-        for each in planned.plans:
-            files |= emit(each)
+    files = _emit(planned.plans, timings)
     covered = sorted(path.absolute().relative_to(root).as_posix() for path in paths)
     return Compilation(planned=planned, files=files, covered=tuple(covered))
 
@@ -88,76 +144,130 @@ def plan_paths(
     """Load, check and plan all specs at or below some paths; `texts` has files that are not read from disk."""
     with timings.stage("find"):
         found = find_files(paths, root)
-    names = [relative(file, root) for file in found.specs]
-    asked = [relative(path, root) for path in paths]
-    loaded = _loaded(found.specs, root, texts, timings)
-    return _planned(root, found, loaded, names=names, asked=asked, texts=texts, timings=timings)
+    request = _Request(
+        root=root,
+        found=found,
+        specs=[relative(file, root) for file in found.specs],
+        paths=[relative(path, root) for path in paths],
+        texts=texts,
+    )
+    return _plan_request(request, _load(found.specs, root, texts, timings), timings)
 
 
 @paused_collector()
 def plan_text(text: str | bytes, file: str, root: Path, timings: Timings = UNTIMED) -> Planned:
-    """Load, check and plan one spec that stands in no file."""
+    """Load, check and plan one spec that is given as text; findings call it `file`."""
     data = text.encode(errors="surrogatepass") if isinstance(text, str) else text
     with timings.stage("load"):
-        loaded = [load_text(text, file, root)]
-    return _planned(root, Files(), loaded, names=[file], asked=[file], texts={file: data}, timings=timings)
+        loaded = load_text(text, file, root)
+    request = _Request(root=root, found=Files(), specs=[file], paths=[file], texts={file: data})
+    return _plan_request(request, [loaded], timings)
 
 
-def _loaded(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> Iterator[Loaded]:
-    """Yield one spec after the other, so that there are never the nodes of several."""
+def _plan_request(request: _Request, loaded: Iterable[Loaded], timings: Timings) -> Planned:
+    """Return the plans of the loaded specs, with all findings after triage."""
+    settings, settings_findings = settings_of(request.root)
+
+    checked = _check(loaded, request.root, timings)
+    specs = tuple(_plan(checked, timings))
+
+    diagnostics = [*settings_findings, *request.found.diagnostics]
+    diagnostics += (diagnostic for spec in specs for diagnostic in spec.diagnostics)
+    diagnostics += _same_names(spec.spec for spec in specs if spec.spec is not None)
+    files = _files(request, specs)
+    if not has_errors(diagnostics):
+        diagnostics += request.found.unincluded(files, request.root)
+
+    with timings.stage("triage"):
+        commented = (*files, *_part_files(request.found), *_tree_files(specs))
+        sources = read_sources(commented, request.paths, request.root, request.texts)
+        triaged_diagnostics = triaged(diagnostics, settings, sources)
+
+    plans = [spec.build_plan for spec in specs if spec.build_plan is not None]
+    return Planned(
+        root=request.root,
+        plans=tuple(sorted(plans, key=lambda build_plan: build_plan.name)),
+        diagnostics=triaged_diagnostics,
+        settings=settings,
+        files=files,
+        specs=tuple(request.specs),
+        modules=tuple(sorted(_module_files(specs) | _tree_files(specs))),
+    )
+
+
+def _load(files: Iterable[Path], root: Path, texts: Mapping[str, bytes], timings: Timings) -> Iterator[Loaded]:
+    """Yield each spec as it was read, with the findings about its text."""
     for file in files:
         with timings.stage("load"):
             loaded = load_spec(file, root, texts)
         yield loaded
 
 
-def _planned(
-    root: Path,
-    found: Files,
-    loaded: Iterable[Loaded],
-    *,
-    names: Sequence[str],
-    asked: Sequence[str],
-    texts: Mapping[str, bytes],
-    timings: Timings,
-) -> Planned:
-    settings, about_settings = settings_of(root)
-    diagnostics = [*about_settings, *found.diagnostics]
-    specs: list[Spec] = []
-    plans: list[BuildPlan] = []
-    read_too: set[str] = set()
-    trees_read: set[str] = set()
-    for spec, read in loaded:
+def _check(loaded: Iterable[Loaded], root: Path, timings: Timings) -> Iterator[_Checked]:
+    """Yield each spec with the result of its checks and those of the behaviour trees that it names."""
+    for spec, load_findings in loaded:
         with timings.stage("check"):
-            trees = read_trees(spec, root) if spec is not None else {}
-            checked, judged = check(spec, trees) if spec is not None else (None, ())
-        trees_read |= set(files_read(spec, trees)) if spec is not None else set()
-        read_too |= {*spec.modules} if spec is not None else set()
-        diagnostics += (*read, *judged)
-        specs += [spec] if spec is not None else []
-        with timings.stage("plan"):
-            plans += [plan(checked)] if checked is not None and not has_errors(read) else []
-    diagnostics += _same_names(specs)
-    files = tuple(sorted({*names, *(file for spec in specs for file in spec.files)}))
-    diagnostics += () if has_errors(diagnostics) else found.unincluded(files, root)
-    commented = (*files, *(place.span.file for place in found.parts.values()), *trees_read)
-    with timings.stage("triage"):
-        wanted = triaged(diagnostics, settings, read_sources(commented, asked, root, texts))
-    return Planned(
-        root=root,
-        plans=tuple(sorted(plans, key=lambda each: each.name)),
-        diagnostics=wanted,
-        settings=settings,
-        files=files,
-        specs=tuple(names),
-        modules=tuple(sorted(read_too | trees_read)),
+            checked = _check_spec(spec, load_findings, root)
+        yield checked
+
+
+def _check_spec(spec: Spec | None, load_findings: tuple[Diagnostic, ...], root: Path) -> _Checked:
+    if spec is None:
+        return _Checked(spec=None, checked=None, tree_files=(), diagnostics=load_findings)
+    trees = read_trees(spec, root)
+    checked, check_findings = check(spec, trees)
+    return _Checked(
+        spec=spec,
+        checked=None if has_errors(load_findings) else checked,
+        tree_files=tuple(files_read(spec, trees)),
+        diagnostics=(*load_findings, *check_findings),
     )
 
 
+def _plan(checked_specs: Iterable[_Checked], timings: Timings) -> Iterator[_PlannedSpec]:
+    """Yield each spec with what to build for it."""
+    for spec in checked_specs:
+        with timings.stage("plan"):
+            build_plan = plan(spec.checked) if spec.checked is not None else None
+        yield _PlannedSpec(
+            spec=spec.spec, build_plan=build_plan, tree_files=spec.tree_files, diagnostics=spec.diagnostics
+        )
+
+
+def _emit(plans: Iterable[BuildPlan], timings: Timings) -> Mapping[str, str]:
+    """Return the generated files of all plans, and the package that holds them."""
+    with timings.stage("emit"):
+        files = {"__init__.py": package_text()}
+        for build_plan in plans:
+            files |= emit(build_plan)
+    return files
+
+
+def _files(request: _Request, specs: Iterable[_PlannedSpec]) -> tuple[str, ...]:
+    """Return the files of the specs and of the parts that they include."""
+    parts = (file for planned in specs if planned.spec is not None for file in planned.spec.files)
+    return tuple(sorted({*request.specs, *parts}))
+
+
+def _part_files(found: Files) -> Iterator[str]:
+    """Return the files of all parts, also of those that no spec includes."""
+    return (place.span.file for place in found.parts.values())
+
+
+def _tree_files(specs: Iterable[_PlannedSpec]) -> set[str]:
+    """Return the files of behaviour trees that specs name."""
+    return {file for planned in specs for file in planned.tree_files}
+
+
+def _module_files(specs: Iterable[_PlannedSpec]) -> set[str]:
+    """Return the files of Python modules that specs name."""
+    return {file for planned in specs if planned.spec is not None for file in planned.spec.modules}
+
+
 def _same_names(specs: Iterable[Spec]) -> Iterator[Diagnostic]:
-    """Yield a finding for each spec whose name another has taken: their packages would overwrite each other."""
+    """Yield a finding for each spec that has the name of another spec: their packages would overwrite each other."""
     first: dict[str, Spec] = {}
-    for spec in sorted(specs, key=lambda each: each.file):
+    for spec in sorted(specs, key=lambda spec: spec.file):
         other = first.setdefault(spec.name.casefold(), spec)
         if other is not spec:
             yield Diagnostic(

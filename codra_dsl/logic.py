@@ -1,8 +1,9 @@
 """Three-valued logic and arithmetic over context: the one meaning of conditions, for the checker and at run time.
 
 Unknown is None and stays apart from False (P1, section 3.3: a flag tells whether a value is known). `and`, `or` and
-`not` are Kleene's: what is certain whatever the unknown may be is certain. NaN, division by zero, overflow and absent
-optional values are unknown; an infinite value may be compared, but arithmetic whose result is not finite is unknown.
+`not` are Kleene's: if the result is the same for every possible value of the unknown input, the result is known. NaN,
+division by zero, overflow and absent optional values are unknown. An infinite value may be compared, but arithmetic
+whose result is not finite is unknown.
 
 A condition is a tree of frozen `Term` objects, written with Python's operators: `value("markers") >= 3`,
 `~known("a") | (age("a") > 10.0)`. Comparing terms therefore builds a term; compare their `repr` for equality.
@@ -17,10 +18,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 FLIP_STEP_S = 1e-6
-"""A comparison such as `age(x) > 10 s` changes just after the age is 10 s: it is looked at again this much later."""
+"""A comparison such as `age(x) > 10 s` changes just after the age is 10 s: it is evaluated again this much later."""
 
 Value = bool | int | float | str
-"""What a context-variable or a returned value can be."""
+"""The values of a context-variable or a returned value."""
 
 
 class Scope(Protocol):
@@ -63,7 +64,7 @@ class Term:
 
     @property
     def reads(self) -> tuple[frozenset[str], bool]:
-        """Return the names that the term reads, and whether it reads an age: it never changes, so it looks once."""
+        """Return the names that the term reads, and whether it reads an age; computed once."""
         if not hasattr(self, "_reads"):
             leaves = [term for term in self.walk() if isinstance(term, (_Variable, _Known, _Age))]
             ages = any(isinstance(term, _Age) for term in leaves)
@@ -234,8 +235,8 @@ class _Variable(Term):
     name: str
 
     def evaluate(self, scope: Scope) -> Value | None:
-        found = scope.value(self.name)
-        return None if found != found else found  # NaN is the one value that differs from itself
+        current = scope.value(self.name)
+        return None if current != current else current  # NaN is the one value that differs from itself
 
     def __repr__(self) -> str:
         return f"value({self.name!r})"
@@ -246,8 +247,8 @@ class _Known(Term):
     name: str
 
     def evaluate(self, scope: Scope) -> Value | None:
-        found = scope.value(self.name)
-        return found is not None and found == found
+        current = scope.value(self.name)
+        return current is not None and current == current
 
     def __repr__(self) -> str:
         return f"known({self.name!r})"
@@ -372,8 +373,8 @@ class _Membership(Term):
         return (self.term,)
 
     def evaluate(self, scope: Scope) -> Value | None:
-        found = self.term.evaluate(scope)
-        return None if found is None else found in self.options
+        tested = self.term.evaluate(scope)
+        return None if tested is None else tested in self.options
 
     def __repr__(self) -> str:
         return f"{_before_dot(self.term)}.is_in({', '.join(map(_constant, self.options))})"

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from codra_dsl.check import check
-from codra_dsl.diagnostics import in_file_order
-from codra_dsl.load import load_spec
-from codra_dsl.report.findings import render_full
-from codra_dsl.trees.named import read_trees
+from codra_dsl.language.behavior_trees.named import read_trees
+from codra_dsl.language.check import check
+from codra_dsl.language.diagnostics import in_file_order
+from codra_dsl.language.load import load_spec
+from codra_dsl.tooling.report.findings import render_full
 
 CASES = Path(__file__).parent / "cases"
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import yaml
 
-from codra_dsl.starter import starter_texts, write_new
+from codra_dsl.tooling.scaffold import starter_texts, write_new
 from tests.test_docs import blocks, run
 
 ROOT = Path(__file__).parents[1]

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.compiler import Compilation, compile_paths
-from codra_dsl.emit.proof import BrokenOutputError
-from codra_dsl.output import Change, freshness, stale, write
-from codra_dsl.project import project_of, root_of
+from codra_dsl.generation.emit.self_check import BrokenOutputError
+from codra_dsl.generation.output import Change, freshness, stale, write
+from codra_dsl.language.project import project_of, root_of
 
 DOOR = """\
 codra: 1
@@ -341,8 +341,8 @@ COMPILE = """
 import sys
 from pathlib import Path
 from codra_dsl.compiler import compile_paths
-from codra_dsl.output import write
-from codra_dsl.project import root_of
+from codra_dsl.generation.output import write
+from codra_dsl.language.project import root_of
 paths = [Path(path) for path in sys.argv[2:]]
 compilation = compile_paths(paths, root_of(paths[0]))
 write(compilation.files, Path(sys.argv[1]), compilation.covered)

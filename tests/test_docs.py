@@ -50,7 +50,8 @@ def python_of(block: Block) -> Path:
 
 def run(command: list[str], folder: Path, python: Path = Path(sys.executable)) -> subprocess.CompletedProcess[str]:
     """Run a command of a page in its folder."""
-    environment = os.environ | {"PYTHONPATH": str(folder), "NO_COLOR": "1", "COLUMNS": "120"}
+    search_path = os.pathsep.join(filter(None, (str(folder), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"PYTHONPATH": search_path, "NO_COLOR": "1", "COLUMNS": "120"}
     environment["PATH"] = f"{python.parent}{os.pathsep}{environment['PATH']}"
     for name in ("GITHUB_ACTIONS", "PYTEST_ADDOPTS"):  # what is asked of this run is not asked of those
         environment.pop(name, None)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from importlib.metadata import distribution
 from pathlib import Path
@@ -20,6 +21,7 @@ ROOT = Path(__file__).parents[1]
 COMPILER_LIBRARIES = ("yaml", "jsonschema", "jsonschema_rs", "jinja2", "networkx", "typer", "rich")
 LONGEST_FUNCTION_LINES = 70
 LONGEST_FILE_LINES = 500
+MOST_MODULES = 20
 
 IMPORT_THE_RUNTIME = """
 import importlib, pkgutil, sys
@@ -75,13 +77,13 @@ def imported_names(node: ast.AST) -> list[str]:
     return []
 
 
-def test_generated_code_imports_py_trees_and_the_runtime_only() -> None:
-    allowed = re.compile(r"(py_trees|codra_dsl\.runtime|generated)(\.|$)")
+def test_generated_code_imports_py_trees_and_one_module_of_ours_only() -> None:
+    allowed = re.compile(r"py_trees(\..+)?|codra_dsl\.runtime\.generated_api")
     foreign = [
         f"{path} imports {name}"
         for path, node in nodes("generated")
         for name in imported_names(node)
-        if name.split(".")[0] not in sys.stdlib_module_names and not allowed.match(name)
+        if name.split(".")[0] not in sys.stdlib_module_names and not allowed.fullmatch(name)
     ]
 
     assert foreign == []
@@ -90,7 +92,7 @@ def test_generated_code_imports_py_trees_and_the_runtime_only() -> None:
 # Sizes
 
 
-@pytest.mark.parametrize("folder", ["codra_dsl", "generated", "tests"])
+@pytest.mark.parametrize("folder", ["codra_dsl", "codra_papers", "generated", "tests"])
 def test_no_function_is_longer_than_a_screen(folder: str) -> None:
     lengths = {
         f"{path}:{node.lineno} {node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
@@ -101,10 +103,17 @@ def test_no_function_is_longer_than_a_screen(folder: str) -> None:
     assert {name: length for name, length in lengths.items() if length > LONGEST_FUNCTION_LINES} == {}
 
 
-def test_no_file_is_too_long_to_be_held_in_the_head() -> None:
-    lengths = {path: text.count("\n") for path, text in sources("codra_dsl").items()}
+@pytest.mark.parametrize("folder", ["codra_dsl", "codra_papers"])
+def test_no_file_is_too_long_to_be_held_in_the_head(folder: str) -> None:
+    lengths = {path: text.count("\n") for path, text in sources(folder).items()}
 
     assert {path: length for path, length in lengths.items() if length > LONGEST_FILE_LINES} == {}
+
+
+def test_no_folder_of_the_papers_has_more_than_20_modules() -> None:
+    modules = Counter(str(Path(path).parent) for path in sources("codra_papers"))
+
+    assert {folder: count for folder, count in modules.items() if count > MOST_MODULES} == {}
 
 
 # Tests
@@ -136,24 +145,54 @@ def test_the_readme_has_one_line_of_system_packages() -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, ROOT)
-    (built,) = folder.glob("*.whl")
-    return built
+    return built(ROOT, tmp_path_factory.mktemp("wheel"))
 
 
-def test_the_wheel_holds_the_package_and_nothing_beside_it(wheel: Path) -> None:
-    """Every file that the package has in the repository, and no specs, tests or generated code."""
-    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
-    present = {
+def built(project: Path, folder: Path) -> Path:
+    """Build the wheel of a project into a folder."""
+    run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder, project)
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def packed_in(wheel: Path) -> set[str]:
+    return {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+
+
+def present_in(package: str) -> set[str]:
+    """The files of a package in the repository."""
+    return {
         path.relative_to(ROOT).as_posix()
-        for path in (ROOT / "codra_dsl").rglob("*")
+        for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
 
-    assert packed == present
+
+def test_the_wheel_holds_the_package_and_nothing_beside_it(wheel: Path) -> None:
+    """Every file that the package has in the repository, and no specs, tests, worlds or generated code."""
+    packed = packed_in(wheel)
+
+    assert packed == present_in("codra_dsl")
     assert {"codra_dsl/schema.json", "codra_dsl/py.typed"} <= packed
-    assert any(re.fullmatch(r"codra_dsl/emit/.*\.(j2|jinja)", name) for name in packed)
+    assert any(re.fullmatch(r"codra_dsl/generation/emit/.*\.(j2|jinja)", name) for name in packed)
+
+
+def test_the_wheel_of_the_papers_holds_their_package_and_its_entry_points(tmp_path: Path) -> None:
+    papers = built(ROOT / "codra_papers", tmp_path)
+    names = zipfile.ZipFile(papers).namelist()
+    (entry_points,) = (name for name in names if name.endswith("/entry_points.txt"))
+    registered = zipfile.ZipFile(papers).read(entry_points).decode()
+
+    assert packed_in(papers) == present_in("codra_papers") - {"codra_papers/pyproject.toml"}
+    assert "[codra.worlds]\nlab = codra_papers.cli.lab:lab\nstore = codra_papers.cli.store:store\n" in registered
+    assert "[codra.commands]\nexperiment = codra_papers.cli.experiment:experiment_command\n" in registered
+
+
+def test_the_wheel_needs_no_library_of_a_simulator(wheel: Path) -> None:
+    metadata = next(name for name in zipfile.ZipFile(wheel).namelist() if name.endswith("/METADATA"))
+    required = re.findall(r"^Requires-Dist: ([\w-]+)", zipfile.ZipFile(wheel).read(metadata).decode(), re.MULTILINE)
+
+    assert {"mujoco", "opencv-python-headless", "starlette", "uvicorn"}.isdisjoint(required)
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Three-valued logic and arithmetic: tables, what is unknown, the text of a term, and when ages flip."""
+"""Three-valued logic and arithmetic: truth tables, unknown values, the text of a term, and when ages flip."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from codra_dsl.logic import (
     reads_ages,
     value,
 )
-from codra_dsl.runtime.conditions import between, confirmed
+from codra_dsl.runtime.values.conditions import between, confirmed
 
 
 @dataclass
 class Values:
-    """A scope: what is not in it is unknown."""
+    """A scope in which missing names are unknown."""
 
     values: Mapping[str, Value | None] = field(default_factory=dict)
     ages_s: Mapping[str, float] = field(default_factory=dict)
@@ -84,7 +84,9 @@ Truth = st.recursive(
 
 
 @given(Truth, st.lists(st.sampled_from([T, F, U]), min_size=3, max_size=3))
-def test_what_is_certain_stays_so_whatever_the_unknown_turns_out_to_be(term: Term, values: list[bool | None]) -> None:
+def test_a_known_result_is_the_same_for_every_value_of_the_unknown_inputs(
+    term: Term, values: list[bool | None]
+) -> None:
     scope = dict(zip("abc", values, strict=True))
     certain = result(term, **scope)
     if certain is not None:
@@ -96,14 +98,14 @@ def test_what_is_certain_stays_so_whatever_the_unknown_turns_out_to_be(term: Ter
 
 
 def test_a_condition_holds_only_when_it_is_certainly_true() -> None:
-    assert [A.holds(Values({"a": each})) for each in (T, F, U)] == [True, False, False]
+    assert [A.holds(Values({"a": truth})) for truth in (T, F, U)] == [True, False, False]
 
 
 def test_a_negated_condition_over_an_unknown_variable_does_not_hold() -> None:
     assert not (~A).holds(Values())
 
 
-# What is unknown
+# Unknown values
 
 
 @pytest.mark.parametrize(
@@ -128,13 +130,19 @@ def test_a_negated_condition_over_an_unknown_variable_does_not_hold() -> None:
     ],
     ids=repr,
 )
-def test_what_is_made_of_an_unknown_value_is_unknown(term: Term) -> None:
+def test_terms_of_an_unknown_value_are_unknown(term: Term) -> None:
     assert result(term) is None
     assert result(term, x=math.nan) is None
 
 
-def test_whether_a_variable_is_known_is_never_unknown() -> None:
-    assert [result(known("x"), x=each) for each in (0, False, "", None, math.nan)] == [True, True, True, False, False]
+def test_known_is_never_unknown() -> None:
+    assert [result(known("x"), x=constant) for constant in (0, False, "", None, math.nan)] == [
+        True,
+        True,
+        True,
+        False,
+        False,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -172,14 +180,14 @@ def test_a_choice_under_an_unknown_condition_is_known_if_both_sides_agree() -> N
 
 def test_the_first_case_that_holds_wins_and_an_unknown_one_before_it_hides_it() -> None:
     term = first_of(("low", X < 1), ("middle", X < Y), ("high", literal(True)))
-    assert [result(term, x=each, y=5) for each in (0, 3, 9)] == ["low", "middle", "high"]
+    assert [result(term, x=number, y=5) for number in (0, 3, 9)] == ["low", "middle", "high"]
     assert result(term, x=3) is None
     assert result(first_of(("low", X < 1)), x=3) is None
 
 
 def test_between_enter_and_leave_the_value_is_open() -> None:
     term = between(X > 0.6, X < 0.4)
-    assert [result(term, x=each) for each in (0.7, 0.5, 0.3, None)] == [True, None, False, None]
+    assert [result(term, x=number) for number in (0.7, 0.5, 0.3, None)] == [True, None, False, None]
 
 
 def test_an_enum_is_in_its_members() -> None:
@@ -188,7 +196,7 @@ def test_an_enum_is_in_its_members() -> None:
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(allow_nan=False, allow_infinity=False))
-def test_arithmetic_is_that_of_numbers_or_unknown(x: float, y: float) -> None:
+def test_arithmetic_gives_the_result_of_python_or_unknown(x: float, y: float) -> None:
     for term, expected in [(X + Y, x + y), (X - Y, x - y), (X * Y, x * y), (-X, -x), (abs(X), abs(x))]:
         assert result(term, x=x, y=y) == (expected if math.isfinite(expected) else None)
     assert result(X / Y, x=x, y=y) == (x / y if y and math.isfinite(x / y) else None)
@@ -255,7 +263,9 @@ VALUES = st.sampled_from([None, True, False, 0, 3, -2.5, "a"])
 
 
 @given(TERMS, VALUES, VALUES, st.floats(0, 20))
-def test_and_one_of_the_same_meaning(term: Term, x: Value | None, y: Value | None, age_s: float) -> None:
+def test_the_text_of_a_term_builds_a_term_with_the_same_meaning(
+    term: Term, x: Value | None, y: Value | None, age_s: float
+) -> None:
     scope = Values({"x": x, "y": y}, {"x": age_s})
 
     def outcome(one: Term) -> object:
@@ -267,7 +277,7 @@ def test_and_one_of_the_same_meaning(term: Term, x: Value | None, y: Value | Non
     assert outcome(eval(repr(term), {"__builtins__": {}} | WORDS)) == outcome(term)
 
 
-def test_chains_flatten_so_that_nothing_nests_without_need() -> None:
+def test_chains_of_the_same_operator_are_flat() -> None:
     assert repr((A & B) & C) == repr(A & (B & C)) == "value('a') & value('b') & value('c')"
     assert repr((A | B) & ~C) == "(value('a') | value('b')) & ~value('c')"
 
@@ -317,7 +327,7 @@ def test_stepping_from_flip_to_flip_finds_the_other_side(term: Term) -> None:
     assert term.evaluate(Values(ages_s={"x": age_s})) is not term.evaluate(Values(ages_s={"x": 4.0}))
 
 
-def test_a_limit_can_be_a_variable_and_what_is_unknown_does_not_flip() -> None:
+def test_a_limit_can_be_a_variable_and_an_unknown_comparison_does_not_flip() -> None:
     term = ~known("x") | (age("x") > Y * 2.0)
     assert term.flips_s(Values({"x": 1, "y": 5.0}, {"x": 4.0})) == 6.0
     assert term.flips_s(Values({"y": 5.0})) is None

@@ -18,20 +18,21 @@ from codra_dsl import __version__
 from codra_dsl.cli.compile import compile_command
 from codra_dsl.cli.console import ExitCode, say
 from codra_dsl.cli.diff import diff_command
-from codra_dsl.cli.experiment import experiment_command
 from codra_dsl.cli.explain import explain_command
 from codra_dsl.cli.graph import graph_command
 from codra_dsl.cli.init import init_command
 from codra_dsl.cli.journal import journal_commands
 from codra_dsl.cli.lint import lint_command
+from codra_dsl.cli.plugins import PluginGroup
 from codra_dsl.cli.replay import replay_command
-from codra_dsl.cli.run import run_command
+from codra_dsl.cli.run import RunCommand, run_command
 from codra_dsl.cli.shadow import shadow_command
 from codra_dsl.cli.sweep import sweep_command
 from codra_dsl.cli.why import why_command
 
 app = typer.Typer(
     name="codra",
+    cls=PluginGroup,
     help="Declare what context a robot's decisions need; compile it to observers; check it.",
     no_args_is_help=True,
     add_completion=True,
@@ -43,8 +44,7 @@ app.command("compile")(compile_command)
 app.command("lint")(lint_command)
 app.command("explain")(explain_command)
 app.command("graph")(graph_command)
-app.command("run")(run_command)
-app.command("experiment")(experiment_command)
+app.command("run", cls=RunCommand)(run_command)
 app.command("sweep")(sweep_command)
 app.command("diff")(diff_command)
 app.command("init")(init_command)

@@ -27,10 +27,10 @@ from codra_dsl.cli.console import (
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, Specs
 
 if TYPE_CHECKING:
-    from codra_dsl.cache import Cache, Run
     from codra_dsl.compiler import Compilation
-    from codra_dsl.diagnostics import Diagnostic
-    from codra_dsl.timings import Timings
+    from codra_dsl.language.diagnostics import Diagnostic
+    from codra_dsl.workspace.cache import Cache, Run
+    from codra_dsl.workspace.timings import Timings
 
 Out = Annotated[
     Path | None,
@@ -57,8 +57,8 @@ def compile_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Compile specs to packages of readable Python. Each has observers, the context's types, and the graph."""
-    from codra_dsl.cache import cache_of
-    from codra_dsl.report.findings import visible_lines
+    from codra_dsl.tooling.report.findings import visible_lines
+    from codra_dsl.workspace.cache import cache_of
 
     paths = existing(paths)
     root = common_root(paths)
@@ -85,7 +85,7 @@ def compile_command(
 
 
 def _default_out(path: Path) -> Path:
-    from codra_dsl.project import project_of
+    from codra_dsl.language.project import project_of
 
     return (project_of(path) or Path.cwd()) / "generated"
 
@@ -108,7 +108,7 @@ def _made(
     paths: list[Path], root: Path, folder: Path, *, check: bool, cache: Cache | None, timings: Timings
 ) -> tuple[Run, _Renewed]:
     """Return a run and what became of the output; an earlier run if nothing has changed since, output included."""
-    from codra_dsl.output import is_as_made
+    from codra_dsl.generation.output import is_as_made
 
     run = None if cache is None else cache.recall()
     if run is not None and is_as_made(run.outputs, folder, run.covered):
@@ -131,7 +131,7 @@ def _renewed(compilation: Compilation, folder: Path, check: bool) -> _Renewed:
 
 def _compared(compilation: Compilation, folder: Path) -> _Renewed:
     """Return how the output folder differs; nothing is written."""
-    from codra_dsl.output import freshness, stale
+    from codra_dsl.generation.output import freshness, stale
 
     compared = freshness(compilation.files, folder, compilation.covered)
     found = (*compared.diagnostics, *map(stale, compared.drifts))
@@ -140,7 +140,7 @@ def _compared(compilation: Compilation, folder: Path) -> _Renewed:
 
 def _written(compilation: Compilation, folder: Path) -> _Renewed:
     """Bring the output folder up to date."""
-    from codra_dsl.output import write
+    from codra_dsl.generation.output import write
 
     written = write(compilation.files, folder, compilation.covered)
     if written.diagnostics:
@@ -151,18 +151,18 @@ def _written(compilation: Compilation, folder: Path) -> _Renewed:
 
 def _about_schema(run: Run, root: Path, check: bool) -> tuple[Diagnostic, ...]:
     """Keep the schema fresh that the project's editors read, where there is a copy of it."""
-    from codra_dsl.project import has_stale_schema
+    from codra_dsl.language.project import has_stale_schema
 
     if not run.outputs or not has_stale_schema(root):
         return ()
-    from codra_dsl.starter.schema import judge_schema, renew_schema
+    from codra_dsl.tooling.scaffold.schema import judge_schema, renew_schema
 
     return judge_schema(root) if check else renew_schema(root)
 
 
 def _in_root(found: Diagnostic, folder: Path, root: Path) -> Diagnostic:
     """Return a finding about the output folder, which names itself first, with its file relative to the root."""
-    from codra_dsl.diagnostics import Place
+    from codra_dsl.language.diagnostics import Place
 
     around = folder.parent
     if around == root or not around.is_relative_to(root):

@@ -13,8 +13,21 @@ from typing import TYPE_CHECKING, TextIO
 import typer
 
 if TYPE_CHECKING:
-    from codra_dsl.diagnostics import Diagnostic, Severity
-    from codra_dsl.timings import Timings
+    from codra_dsl.generation.build_plan import BuildPlan
+    from codra_dsl.language.diagnostics import Diagnostic, Severity
+    from codra_dsl.workspace.timings import Timings
+
+__all__ = [
+    "Colour",
+    "ExitCode",
+    "common_root",
+    "existing",
+    "made_folder",
+    "one_plan",
+    "say",
+    "writable_journal",
+    "write_result",
+]
 
 
 class ExitCode(IntEnum):
@@ -85,7 +98,7 @@ class View:
         """
         write_result(self.rendered(diagnostics, sys.stdout, files), output)
         if self.format is Format.GITHUB:
-            from codra_dsl.report.github import render_summary
+            from codra_dsl.tooling.report.github import render_summary
 
             append_to_summary(render_summary(diagnostics, f"{self.title}: {counted(diagnostics)}"))
 
@@ -93,15 +106,15 @@ class View:
         """Return findings in the form that was asked for, for a stream."""
         match self.format:
             case Format.JSON:
-                from codra_dsl.report.findings import render_json
+                from codra_dsl.tooling.report.findings import render_json
 
                 return render_json(diagnostics)
             case Format.SARIF:
-                from codra_dsl.report.sarif import render_sarif
+                from codra_dsl.tooling.report.sarif import render_sarif
 
                 return render_sarif(diagnostics, folder_in_repository(self.root))
             case Format.GITHUB:
-                from codra_dsl.report.github import render_github
+                from codra_dsl.tooling.report.github import render_github
 
                 return render_github(diagnostics, folder_in_repository(self.root))
             case Format.JUNIT:
@@ -111,14 +124,14 @@ class View:
 
     def point_to_pages(self, diagnostics: Sequence[Diagnostic]) -> None:
         """Say once where more is told about a finding, the first of the most severe, to whoever sits at a terminal."""
-        from codra_dsl.diagnostics import has_errors
+        from codra_dsl.language.diagnostics import has_errors
 
         if diagnostics and self.format is Format.FULL and sys.stderr.isatty():
             first = next((found for found in diagnostics if has_errors([found])), diagnostics[0])
             say(f"more about it: codra explain {first.code}")
 
     def _as_text(self, diagnostics: Sequence[Diagnostic], stream: TextIO) -> str:
-        from codra_dsl.report import findings
+        from codra_dsl.tooling.report import findings
 
         palette = findings.COLOURED if is_coloured(self.colour, stream) else findings.PLAIN
         if self.format is Format.CONCISE:
@@ -126,7 +139,7 @@ class View:
         return for_log(findings.render_full(diagnostics, self._source, palette))
 
     def _as_tests(self, diagnostics: Sequence[Diagnostic], files: Iterable[str]) -> str:
-        from codra_dsl.report.junit import render_junit
+        from codra_dsl.tooling.report.junit import render_junit
 
         return render_junit(
             diagnostics,
@@ -157,7 +170,7 @@ def for_log(text: str) -> str:
     """Return text in which GitHub's runner, if it reads this, finds no command of its own."""
     if not _in_github_actions():
         return text
-    from codra_dsl.report.github import without_commands
+    from codra_dsl.tooling.report.github import without_commands
 
     return without_commands(text)
 
@@ -199,7 +212,7 @@ def is_coloured(colour: Colour, stream: TextIO) -> bool:
 
 def fails(diagnostics: Sequence[Diagnostic], fail_on: FailOn) -> bool:
     """Return whether findings make a command fail."""
-    from codra_dsl.diagnostics import has_errors
+    from codra_dsl.language.diagnostics import has_errors
 
     return has_errors(diagnostics) or (fail_on is FailOn.WARNING and bool(diagnostics))
 
@@ -213,14 +226,14 @@ def measuring(wanted: bool) -> Timings:
     """Return what measures the stages of a command, if that is wanted."""
     import time
 
-    from codra_dsl.timings import UNTIMED, Timings
+    from codra_dsl.workspace.timings import UNTIMED, Timings
 
     return Timings(time.perf_counter) if wanted else UNTIMED  # noqa: TID251  it is handed on as an argument
 
 
 def counted(diagnostics: Sequence[Diagnostic]) -> str:
     """Return how many findings there are."""
-    from codra_dsl.diagnostics import has_errors
+    from codra_dsl.language.diagnostics import has_errors
 
     errors = sum(has_errors([found]) for found in diagnostics)
     numbers = ((errors, "error"), (len(diagnostics) - errors, "warning"))
@@ -259,7 +272,7 @@ def write_result(result: str | bytes, output: Path | None = None) -> None:
 
 def existing(paths: Iterable[Path]) -> list[Path]:
     """Return paths without `..`; those that do not exist or cannot be reached are a mistake of usage."""
-    from codra_dsl.project import straight
+    from codra_dsl.language.project import straight
 
     found: list[Path] = []
     for path in paths:
@@ -277,7 +290,7 @@ def existing(paths: Iterable[Path]) -> list[Path]:
 
 def common_root(paths: Sequence[Path]) -> Path:
     """Return the folder that all paths in output are relative to; specs of several projects are a mistake of usage."""
-    from codra_dsl.project import root_of
+    from codra_dsl.language.project import root_of
 
     roots = sorted({root_of(path) for path in paths})
     if len(roots) > 1:
@@ -285,3 +298,40 @@ def common_root(paths: Sequence[Path]) -> Path:
         message = f"the specs belong to several projects ({named}): take one at a time"
         raise typer.BadParameter(message, param_hint="PATH")
     return roots[0]
+
+
+def one_plan(path: Path, root: Path, colour: Colour) -> BuildPlan:
+    """Return the plan of the only spec in a file, and write findings about it to standard output."""
+    from codra_dsl.compiler import plan_paths
+
+    planned = plan_paths([path], root)
+    if planned.diagnostics:
+        write_result(View(root=root, format=Format.FULL, colour=colour).rendered(planned.diagnostics, sys.stdout))
+        say(counted(planned.diagnostics))
+    if len(planned.plans) > 1:
+        raise typer.BadParameter(f"'{path}' holds {len(planned.plans)} specs: name one", param_hint="SPEC")
+    if not planned.plans:
+        raise typer.Exit(ExitCode.FAILED)
+    return planned.plans[0]
+
+
+def made_folder(folder: Path) -> Path:
+    """Create the output folder of a run and return it; fail before the run if it is not writable."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot write to '{folder}': {error.strerror}", param_hint="--out") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise typer.BadParameter(f"cannot write to '{folder}'", param_hint="--out")
+    return folder
+
+
+def writable_journal(journal: Path) -> Path:
+    """Return the path of a journal; fail before the run if it cannot be written."""
+    from codra_dsl.runtime.journal.file_lock import opened
+
+    try:
+        opened(journal).close()
+    except OSError as error:
+        raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
+    return journal

@@ -26,10 +26,10 @@ from codra_dsl.cli.console import (
 from codra_dsl.cli.options import ColourOption, Output
 
 if TYPE_CHECKING:
-    from codra_dsl.diagnostics import Diagnostic, Span
-    from codra_dsl.model import Spec
-    from codra_dsl.report.changes import Versions
-    from codra_dsl.review import Broken, Change, Review, Verdict, Version
+    from codra_dsl.language.diagnostics import Diagnostic, Span
+    from codra_dsl.language.model import Spec
+    from codra_dsl.tooling.diff import Broken, Change, Review, Verdict, Version
+    from codra_dsl.tooling.report.changes import Versions
 
 _SPECS = "specs"
 
@@ -103,8 +103,8 @@ def diff_command(
 
     What became unobservable, slower, cyclic, typed otherwise or weaker guarded from A to B, with a verdict.
     """
-    from codra_dsl.review import review
-    from codra_dsl.revisions import RevisionError
+    from codra_dsl.tooling.diff import review
+    from codra_dsl.tooling.revisions import RevisionError
 
     allowed = tuple(_allowed(each) for each in allow or ())
     wanted = [_relative(path) for path in paths or ()]
@@ -180,8 +180,8 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
 
 def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
     """Return what two revisions are compared in: the project's specs, else all of it."""
-    from codra_dsl.project import project_of
-    from codra_dsl.revisions import Repository
+    from codra_dsl.language.project import project_of
+    from codra_dsl.tooling.revisions import Repository
 
     project = Path(os.path.realpath(project_of(Path.cwd()) or Path.cwd()))
     repository = Repository.around(project)
@@ -191,7 +191,7 @@ def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
 
 
 def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
-    from codra_dsl.project import straight
+    from codra_dsl.language.project import straight
 
     if wanted and not path.is_dir():
         raise typer.BadParameter(f"'{name}' is no folder: there is nothing below it", param_hint="PATH")
@@ -203,8 +203,8 @@ def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
 
 def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
     """Return a revision, whose spec files are written to a folder that is removed when the stack is closed."""
-    from codra_dsl.project import project_of
-    from codra_dsl.revisions import Repository
+    from codra_dsl.language.project import project_of
+    from codra_dsl.tooling.revisions import Repository
 
     place = Path(os.path.realpath(here))
     repository = Repository.around(place)
@@ -239,7 +239,7 @@ def _within(path: Path, top: Path) -> Path:
 
 def _root(paths: Sequence[Path], top: Path) -> Path:
     """Return the folder that the files of a version are named from: their project's below a folder, else their own."""
-    from codra_dsl.project import project_of
+    from codra_dsl.language.project import project_of
 
     found = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
     if len(found) > 1:
@@ -253,8 +253,8 @@ def _root(paths: Sequence[Path], top: Path) -> Path:
 
 def _version(side: _Side) -> Version:
     from codra_dsl.compiler import plan_paths
-    from codra_dsl.diagnostics import has_errors
-    from codra_dsl.review import Broken, Version
+    from codra_dsl.language.diagnostics import has_errors
+    from codra_dsl.tooling.diff import Broken, Version
 
     if not side.paths:
         return Version()
@@ -275,8 +275,8 @@ def _version(side: _Side) -> Version:
 
 
 def _broken(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> Iterator[Broken]:
-    from codra_dsl.load import load_spec
-    from codra_dsl.review import Broken
+    from codra_dsl.language.load import load_spec
+    from codra_dsl.tooling.diff import Broken
 
     for file in files:
         spec, _ = load_spec(side.root / file, side.root)
@@ -295,8 +295,8 @@ def _by_file(errors: Sequence[Diagnostic]) -> Iterator[tuple[str, tuple[Diagnost
 
 def _tell_about(side: _Side, version: Version, colour: Colour) -> None:
     """Tell the errors of A, which has no other way to be told of them."""
-    from codra_dsl.diagnostics import in_file_order
-    from codra_dsl.report import findings
+    from codra_dsl.language.diagnostics import in_file_order
+    from codra_dsl.tooling.report import findings
 
     errors = in_file_order(found for broken in version.broken for found in broken.errors)
     if errors:
@@ -313,7 +313,7 @@ def _shown(side: _Side, found: Diagnostic) -> Span:
 
 
 def _allowed(text: str) -> tuple[str, str]:
-    from codra_dsl.review import Category
+    from codra_dsl.tooling.diff import Category
 
     category, _, element = text.partition(":")
     if category not in list(Category):
@@ -338,7 +338,7 @@ def _tell_unused(allowed: Sequence[tuple[str, str]], found: Review) -> None:
 
 
 def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
-    from codra_dsl.review import Verdict
+    from codra_dsl.tooling.diff import Verdict
 
     if fail_on is FailOnVerdict.NEVER:
         return False
@@ -346,7 +346,7 @@ def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
 
 
 def _named(sides: tuple[_Side, _Side]) -> Versions:
-    from codra_dsl.report.changes import Versions
+    from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides
     return Versions(before=before.name, after=after.name, file_before=before.file, file_after=after.file)
@@ -361,14 +361,14 @@ def _asked(wanted: DiffFormat | None, output: Path | None) -> DiffFormat:
 
 def _annotate(found: Review, versions: Versions, folder: str, output: Path | None) -> None:
     """Write annotations, and the review as Markdown to the summary of the step."""
-    from codra_dsl.report.changes import render_annotations, render_markdown
+    from codra_dsl.tooling.report.changes import render_annotations, render_markdown
 
     write_result(render_annotations(found, folder), output)
     append_to_summary(render_markdown(found, versions))
 
 
 def _rendered(found: Review, versions: Versions, how: DiffFormat, coloured: bool) -> str:
-    from codra_dsl.report import changes, findings
+    from codra_dsl.tooling.report import changes, findings
 
     palette = findings.COLOURED if coloured else findings.PLAIN
     if how is DiffFormat.JSON:

@@ -11,7 +11,7 @@ import typer
 from codra_dsl.cli.console import write_result
 
 if TYPE_CHECKING:
-    from codra_dsl.report.explain import Page
+    from codra_dsl.tooling.report.explain import Page
 
 
 class PageFormat(StrEnum):
@@ -36,7 +36,7 @@ def explain_command(
     format_: Annotated[PageFormat, typer.Option("--format", help="How pages are shown.")] = PageFormat.TEXT,
 ) -> None:
     """Say what a finding means, with an example and its cure."""
-    from codra_dsl.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
+    from codra_dsl.tooling.report.explain import all_pages, as_object, as_text, list_as_markdown, list_as_text
 
     pages = list(_pages(codes) if codes else all_pages())
     match format_:
@@ -51,14 +51,14 @@ def explain_command(
 
 def _pages(asked: list[str]) -> Iterator[Page]:
     """Yield the pages that are asked for, each once; what there is no page about is a mistake of usage."""
-    from codra_dsl.report.explain import all_rules, code_of, page_of
-    from codra_dsl.report.findings import visible
-    from codra_dsl.triage.rules import nearest_code
+    from codra_dsl.tooling.report.explain import all_rules, code_of, page_of
+    from codra_dsl.tooling.report.findings import visible
+    from codra_dsl.workspace.suppression.rules import nearest_code
 
     for each in dict.fromkeys(code_of(each) or each for each in asked):
         page = page_of(each)
         if page is None:
             near = nearest_code(each)
-            way_out = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
-            raise typer.BadParameter(f"there is no finding '{visible(each)}': {way_out}", param_hint="CODE")
+            help = f"did you mean {near} ({all_rules()[near].name})?" if near else "'codra explain' lists all"
+            raise typer.BadParameter(f"there is no finding '{visible(each)}': {help}", param_hint="CODE")
         yield page

@@ -16,8 +16,8 @@ from codra_dsl.cli.console import STANDARD_INPUT, common_root, existing
 
 if TYPE_CHECKING:
     from codra_dsl.compiler import Planned
-    from codra_dsl.diagnostics import Diagnostic
-    from codra_dsl.timings import Timings
+    from codra_dsl.language.diagnostics import Diagnostic
+    from codra_dsl.workspace.timings import Timings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +37,20 @@ class Work:
 
     def texts(self, planned: Planned) -> dict[str, bytes]:
         """Return what the files hold that may be changed."""
-        from codra_dsl.triage import rewritable
+        from codra_dsl.workspace.suppression import rewritable
 
         files = filter(self.may_change, planned.files)
         return rewritable(files, self.root) if self.data is None else {STANDARD_INPUT: self.data}
 
     def may_change(self, file: str) -> bool:
         """Return whether fixes may change a file: one that was named, or stands in a folder that was."""
-        from codra_dsl.project import covers
+        from codra_dsl.language.project import covers
 
         return covers(self.asked, file)
 
     def fixable(self, found: Sequence[Diagnostic]) -> tuple[int, str]:
         """Return how many findings can be fixed, and what must be named so that more can be."""
-        from codra_dsl.diagnostics import is_safe
+        from codra_dsl.language.diagnostics import is_safe
 
         fixes = [each.fix for each in found if each.fix is not None and is_safe(each)]
         files = [{edit.span.file for edit in fix.edits} for fix in fixes]
@@ -63,7 +63,7 @@ class Work:
 
 def work_on_files(paths: list[Path], timings: Timings) -> Work:
     """Return the specs at or below some paths as work."""
-    from codra_dsl.project import relative
+    from codra_dsl.language.project import relative
 
     paths = existing(paths)
     root = common_root(paths)
@@ -79,7 +79,7 @@ def work_on_files(paths: list[Path], timings: Timings) -> Work:
 def work_on_standard_input(timings: Timings) -> Work:
     """Return the spec that comes by standard input as work."""
     from codra_dsl.compiler import plan_text
-    from codra_dsl.load.source import MAX_BYTES
+    from codra_dsl.language.load.yaml.source import MAX_BYTES
 
     root = common_root([Path.cwd()])
     data = sys.stdin.buffer.read(MAX_BYTES + 1)
@@ -110,7 +110,7 @@ class Outcome:
 
     def diff(self) -> str:
         """Return the difference between the files as they were and as they are."""
-        from codra_dsl.triage import unified
+        from codra_dsl.workspace.suppression import unified
 
         return "".join(unified(self.before[file], after, file) for file, after in sorted(self.after.items()))
 
@@ -120,8 +120,8 @@ def fix(work: Work, *, write: bool) -> Outcome:
 
     What is linted is what was read once: a file that somebody saves meanwhile is neither edited amiss nor replaced.
     """
-    from codra_dsl.load.source import MAX_BYTES
-    from codra_dsl.triage import fix_all, rewrite
+    from codra_dsl.language.load.yaml.source import MAX_BYTES
+    from codra_dsl.workspace.suppression import fix_all, rewrite
 
     if work.data is not None and len(work.data) > MAX_BYTES:
         raise typer.BadParameter(f"the text has more than {MAX_BYTES >> 20} MiB: it is not repeated", param_hint="-")

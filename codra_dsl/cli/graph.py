@@ -24,38 +24,22 @@ from codra_dsl.cli.console import (
     write_result,
 )
 from codra_dsl.cli.options import ColourOption, Output, Specs
+from codra_dsl.tooling.report.graph_formats import DEFAULT, FORMATS, GraphFormat, formats_by_ending
 
 if TYPE_CHECKING:
-    from codra_dsl.report.graphs import Graph
+    from codra_dsl.tooling.report.graphs import Graph
 
 
-class GraphFormat(StrEnum):
-    """How a graph is shown."""
-
-    DOT = "dot"
-    JSON = "json"
-    MERMAID = "mermaid"
-    SVG = "svg"
-    HTML = "html"
-
-
-_BY_ENDING = {
-    ".dot": GraphFormat.DOT,
-    ".gv": GraphFormat.DOT,
-    ".txt": GraphFormat.DOT,
-    ".json": GraphFormat.JSON,
-    ".mmd": GraphFormat.MERMAID,
-    ".mermaid": GraphFormat.MERMAID,
-    ".svg": GraphFormat.SVG,
-    ".html": GraphFormat.HTML,
-    ".htm": GraphFormat.HTML,
-}
+if TYPE_CHECKING:
+    FormatName = str
+else:  # Typer shows the members of an enum as choices; type checkers know no enum with computed members
+    FormatName = StrEnum("FormatName", {name: name for name in FORMATS})
 
 GraphFormatOption = Annotated[
-    GraphFormat | None,
+    FormatName | None,
     typer.Option(
         "--format",
-        help="How the graph is shown.  [default: what the ending of FILE says, else dot]",
+        help=f"How the graph is shown.  [default: what the ending of FILE says, else {DEFAULT.name}]",
         show_default=False,
     ),
 ]
@@ -86,10 +70,10 @@ def graph_command(
 ) -> None:
     """Show the dependency graph of specs. Findings go to standard error."""
     from codra_dsl.compiler import plan_paths
-    from codra_dsl.report.graphs import graph_of
+    from codra_dsl.tooling.report.graphs import graph_of
 
     paths = existing(paths)
-    how = format_ or _asked_by(output)
+    graph_format = FORMATS[format_] if format_ is not None else _format_of(output)
     root = common_root(paths)
     planned = plan_paths(paths, root)
     if planned.diagnostics:
@@ -98,23 +82,24 @@ def graph_command(
     if fails(planned.diagnostics, FailOn.ERROR):
         raise typer.Exit(ExitCode.FAILED)
     graph = _selected(graph_of(planned.plans), select or (), exclude or ())
-    write_result(_drawn(graph, how), output)
+    write_result(_rendered(graph, graph_format), output)
 
 
-def _asked_by(output: Path | None) -> GraphFormat:
-    """Return the form that the name of a file asks for; an ending that says another one is a mistake of usage."""
+def _format_of(output: Path | None) -> GraphFormat:
+    """Return the format that the ending of a file name chooses; an unknown ending is a usage error."""
     if output is None or not output.suffix:
-        return GraphFormat.DOT
-    asked = _BY_ENDING.get(output.suffix.lower())
-    if asked is None:
-        message = f"no form of a graph ends in '{output.suffix}': say --format, or take one of {', '.join(_BY_ENDING)}"
+        return DEFAULT
+    by_ending = formats_by_ending()
+    graph_format = by_ending.get(output.suffix.lower())
+    if graph_format is None:
+        message = f"no form of a graph ends in '{output.suffix}': say --format, or take one of {', '.join(by_ending)}"
         raise typer.BadParameter(message, param_hint="--output")
-    return asked
+    return graph_format
 
 
 def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> Graph:
     """Return the part of a graph that selectors mean; one that means nothing is a mistake of usage."""
-    from codra_dsl.selection import SelectorError, select
+    from codra_dsl.tooling.selection import SelectorError, select
 
     if not wanted and not unwanted:
         return graph
@@ -130,50 +115,11 @@ def _selected(graph: Graph, wanted: Sequence[str], unwanted: Sequence[str]) -> G
     return part
 
 
-def _drawn(graph: Graph, how: GraphFormat) -> str:
-    from codra_dsl.report.dot import DrawingError
+def _rendered(graph: Graph, graph_format: GraphFormat) -> str:
+    from codra_dsl.tooling.report.dot import DrawingError
 
     try:
-        return _rendered(graph, how)
+        return graph_format.render(graph, say)
     except DrawingError as error:
         say(f"codra: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
-
-
-def _rendered(graph: Graph, how: GraphFormat) -> str:
-    match how:
-        case GraphFormat.JSON:
-            from codra_dsl.report.graphs import render_json
-
-            return render_json(graph)
-        case GraphFormat.MERMAID:
-            return _as_mermaid(graph)
-        case GraphFormat.SVG:
-            return _as_svg(graph)
-        case GraphFormat.HTML:
-            from codra_dsl.report.page import render_html
-
-            return render_html(graph)
-        case GraphFormat.DOT:
-            from codra_dsl.report.dot import render_dot
-
-            return render_dot(graph)
-
-
-def _as_mermaid(graph: Graph) -> str:
-    from codra_dsl.report.mermaid import MAX_EDGES, flowchart
-
-    chart = flowchart(graph)
-    if not chart.is_whole:
-        say("the graph is too large for Mermaid and was drawn together: --select shows a part in full")
-    if not chart.fits:
-        say(f"even so it has {chart.edges} edges: Mermaid draws {MAX_EDGES} unless its page sets maxEdges")
-    return chart.text
-
-
-def _as_svg(graph: Graph) -> str:
-    from codra_dsl.report.dot import MAX_QUICK, render_svg
-
-    if len(graph.elements) > MAX_QUICK:
-        say(f"to lay out {len(graph.elements)} nodes may take minutes: --select takes a part, --format html is quicker")
-    return render_svg(graph)

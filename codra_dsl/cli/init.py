@@ -21,7 +21,7 @@ Name = Annotated[
 
 def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
     """Start a project which lints, compiles and runs its tests at once. Nothing that is there is touched."""
-    from codra_dsl.starter import conflicts, installed_requirement, starter_texts, write_new
+    from codra_dsl.tooling.scaffold import conflicts, installed_requirement, starter_texts, write_new
 
     chosen = _chosen(folder, name)
     if folder.exists() and not folder.is_dir():
@@ -41,7 +41,7 @@ def init_command(folder: Folder = Path(), *, name: Name = None) -> None:
 
 
 def _chosen(folder: Path, name: str | None) -> str:
-    from codra_dsl.starter import ImproperNameError, name_from_folder, require_name
+    from codra_dsl.tooling.scaffold import ImproperNameError, name_from_folder, require_name
 
     try:
         return name_from_folder(folder.resolve().name) if name is None else require_name(name)

@@ -68,7 +68,7 @@ def _journal() -> None:
 @journal_commands.command("recover")
 def recover_command(file: JournalFile, *, output: Target = None) -> None:
     """Write a whole journal with all that a torn one holds, and say what is lost; the torn one stays as it is."""
-    from codra_dsl.runtime.journal.reading import JournalError
+    from codra_dsl.runtime.journal.reader import JournalError
     from codra_dsl.runtime.journal.recovery import recover
 
     existing([file])
@@ -99,7 +99,7 @@ def show_command(file: JournalFile, *, kind: Kinds = None, about: About = None, 
         raise typer.BadParameter(f"'{unknown}' is none of {', '.join(names)}", param_hint="--kind")
     wanted = frozenset(kind or (each for each in names if each != Kind.INPUT))
     with opened_journal(file) as reader:
-        end_s, lines = reader.head().start_s, list[str]()
+        end_s, lines = reader.header().start_s, list[str]()
         for event in reader.events():
             end_s = event.instant_s
             if (

@@ -12,13 +12,13 @@ import typer
 from codra_dsl.cli.console import ExitCode, say
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.journal.reading import JournalReader
+    from codra_dsl.runtime.journal.reader import JournalReader
 
 
 @contextmanager
 def opened_journal(path: Path) -> Iterator[JournalReader]:
     """Open a journal; fail if it is none, or cannot be read."""
-    from codra_dsl.runtime.journal.reading import JournalError, JournalReader
+    from codra_dsl.runtime.journal.reader import JournalError, JournalReader
 
     try:
         with JournalReader(path) as reader:

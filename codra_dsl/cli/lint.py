@@ -26,8 +26,8 @@ from codra_dsl.cli.console import (
 from codra_dsl.cli.options import ColourOption, FailOnOption, FindingsFormat, NoCache, Output, ShowTimings, SpecsOrText
 
 if TYPE_CHECKING:
-    from codra_dsl.cache import Cache, Run
     from codra_dsl.cli.fixes import Work
+    from codra_dsl.workspace.cache import Cache, Run
 
 Fix = Annotated[
     bool,
@@ -49,8 +49,8 @@ def lint_command(
     color: ColourOption = Colour.AUTO,
 ) -> None:
     """Check specs. Nothing that they name is imported or run, and nothing is written but fixes, FILE and the cache."""
-    from codra_dsl.cache import cache_of
     from codra_dsl.cli.fixes import work_on_files, work_on_standard_input
+    from codra_dsl.workspace.cache import cache_of
 
     measured = measuring(timings)
     is_text = paths == [Path(STANDARD_INPUT)]

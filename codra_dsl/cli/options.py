@@ -10,6 +10,10 @@ import typer
 
 from codra_dsl.cli.console import Colour, FailOn, Format
 
+__all__ = [
+    "ColourOption",
+]
+
 Specs = Annotated[
     list[Path],
     typer.Argument(metavar="PATH", help="Spec files, or folders whose specs are all taken.", show_default=False),

@@ -17,9 +17,9 @@ from codra_dsl.cli.journal import JournalFile
 if TYPE_CHECKING:
     from codra_dsl.runtime import Journal
     from codra_dsl.runtime.journal import Event
-    from codra_dsl.runtime.journal.head import Head
+    from codra_dsl.runtime.journal.run_header import RunHeader
+    from codra_dsl.runtime.journal.spec_summary import Place, SpecSummary
     from codra_dsl.runtime.knowledge import KnowledgeModel
-    from codra_dsl.runtime.outline import Outline, Place
     from codra_dsl.runtime.replay import Build, Difference, Replayed
 
     Begin = Callable[[KnowledgeModel | None], KnowledgeModel | None]
@@ -73,11 +73,11 @@ def replay_command(
     if journal is not None and journal.resolve() == file.resolve():
         raise typer.BadParameter(f"'{journal}' is the journal itself", param_hint="--journal")
     with opened_journal(file) as reader:
-        head, events = reader.head(), tuple(reader.events())
-        say_what_lacks(reader, events[-1].instant_s if events else head.start_s)
+        header, events = reader.header(), tuple(reader.events())
+        say_what_lacks(reader, events[-1].instant_s if events else header.start_s)
     begin = _as_declared if dsr is None else partial(_begun_with, dsr, dsr_unit_m)
-    found = _replayed(head, events, package, spec, begin, journal)
-    write_result(_told(found, head))
+    found = _replayed(header, events, package, spec, begin, journal)
+    write_result(_told(found, header))
     raise typer.Exit(ExitCode.CLEAN if found.difference is None else ExitCode.FAILED)
 
 
@@ -96,35 +96,40 @@ def _as_declared(knowledge: KnowledgeModel | None) -> KnowledgeModel | None:
 
 def _begun_with(dsr: Path, unit_m: float, knowledge: KnowledgeModel | None) -> KnowledgeModel:
     """Return what a spec says of knowledge, with what is there from the start by a file of DSR."""
-    from codra_dsl.runtime.exchange import ExchangeError, begun_with, read_dsr
+    from codra_dsl.runtime.knowledge.exchange import ExchangeError, import_dsr, read_dsr
 
     if knowledge is None:
         raise typer.BadParameter("the spec says nothing of knowledge", param_hint="--dsr")
     try:
-        return begun_with(knowledge, read_dsr(dsr), unit_m=unit_m).model
+        return import_dsr(knowledge, read_dsr(dsr), unit_m=unit_m).model
     except (ExchangeError, OSError) as error:
         raise typer.BadParameter(str(error), param_hint="--dsr") from error
 
 
 def _replayed(  # noqa: PLR0917 - what the command was given
-    head: Head, events: tuple[Event, ...], package: Path | None, spec: Path | None, begin: Begin, journal: Path | None
+    header: RunHeader,
+    events: tuple[Event, ...],
+    package: Path | None,
+    spec: Path | None,
+    begin: Begin,
+    journal: Path | None,
 ) -> Replayed:
     import tempfile
 
-    from codra_dsl.experiments.loading import load_package
+    from codra_dsl.integrations.inspection.loading import load_package
 
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        folder = _compiled(spec, Path(made)) if spec is not None else package or _default(head)
+        folder = _compiled(spec, Path(made)) if spec is not None else package or _default(header)
         try:
             module = load_package(folder)
             module.MODEL  # noqa: B018 - a package has one
         except Exception as error:
             say(f"codra: '{folder}' is no package of codra that can be loaded: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
-        _tell_versions(head, folder)
+        _tell_versions(header, folder)
         try:
             knowledge = begin(getattr(module, "KNOWLEDGE", None))
-            return _run(head, events, module, knowledge, _opened(journal))
+            return _run(header, events, module, knowledge, _opened(journal))
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             say(f"codra: the journal cannot be replayed: {type(error).__name__}: {error}")
             raise typer.Exit(ExitCode.FAILED) from error
@@ -139,7 +144,7 @@ def _manager_class(module: ModuleType) -> Build:
 
 
 def _run(
-    head: Head,
+    header: RunHeader,
     events: tuple[Event, ...],
     module: ModuleType,
     knowledge: KnowledgeModel | None,
@@ -147,30 +152,30 @@ def _run(
 ) -> Replayed:
     from codra_dsl.runtime.replay import replay
 
-    found = replay(head, events, module.MODEL, _manager_class(module), copy, knowledge)
+    found = replay(header, events, module.MODEL, _manager_class(module), copy, knowledge)
     if copy is not None and copy.failure is not None:
         say(f"codra: '{copy.path}' is not whole: {copy.failure}")
     return found
 
 
-def _default(head: Head) -> Path:
+def _default(header: RunHeader) -> Path:
     """Return the package that `codra compile` wrote for the spec that a journal names.
 
     A replay runs the package, and the journal may come from anybody: so only an identifier selects a package, and only
     one inside the project. A path in the journal, or a link that leads out of the project, is refused.
     """
-    from codra_dsl.project import root_of
+    from codra_dsl.language.project import root_of
 
-    if not (head.spec.isascii() and head.spec.isidentifier()):
-        message = f"the journal names its spec {head.spec[:60]!r}, which is not a name: state --package or --spec"
+    if not (header.spec.isascii() and header.spec.isidentifier()):
+        message = f"the journal names its spec {header.spec[:60]!r}, which is not a name: state --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     root = root_of(Path.cwd()).resolve()
-    folder = root / "generated" / head.spec
+    folder = root / "generated" / header.spec
     if not folder.resolve().is_relative_to(root):
         message = f"the package '{folder}' is a link out of the project: state --package to run it"
         raise typer.BadParameter(message, param_hint="FILE")
     if not (folder / "manifest.json").is_file():
-        message = f"there is no package '{folder}' of '{head.spec}': say where with --package or --spec"
+        message = f"there is no package '{folder}' of '{header.spec}': say where with --package or --spec"
         raise typer.BadParameter(message, param_hint="FILE")
     return folder
 
@@ -178,7 +183,7 @@ def _default(head: Head) -> Path:
 def _compiled(spec: Path, made: Path) -> Path:
     """Compile a spec into a folder of this run; return the package."""
     from codra_dsl.compiler import plan_paths
-    from codra_dsl.emit import emit
+    from codra_dsl.generation.emit import emit
 
     paths = existing([spec])
     planned = plan_paths(paths, common_root(paths))
@@ -191,38 +196,38 @@ def _compiled(spec: Path, made: Path) -> Path:
     return made / planned.plans[0].name
 
 
-def _tell_versions(head: Head, folder: Path) -> None:
+def _tell_versions(header: RunHeader, folder: Path) -> None:
     from codra_dsl import __version__
-    from codra_dsl.runtime.outline import manifest_of
+    from codra_dsl.runtime.context.package_files import manifest_of
 
     manifest = manifest_of(folder)
-    if manifest.get("name") != head.spec:
-        say(f"codra: the journal is of '{head.spec}', the package of '{manifest.get('name')}'")
-    elif manifest.get("model") != head.model:
-        say(f"codra: the package says something else than what ran (model {head.model[:19]}...): it may differ")
-    if head.codra != __version__:
-        say(f"codra: codra {head.codra} ran it, and this is {__version__}")
+    if manifest.get("name") != header.spec:
+        say(f"codra: the journal is of '{header.spec}', the package of '{manifest.get('name')}'")
+    elif manifest.get("model") != header.model:
+        say(f"codra: the package says something else than what ran (model {header.model[:19]}...): it may differ")
+    if header.codra != __version__:
+        say(f"codra: codra {header.codra} ran it, and this is {__version__}")
 
 
-def _told(found: Replayed, head: Head) -> str:
+def _told(found: Replayed, header: RunHeader) -> str:
     counts = Counter(found.derived)
     derived = ", ".join(f"{number} of kind {kind}" for kind, number in sorted(counts.items()))
     absent = "".join(f"not compared, because the journal holds none: {kind}\n" for kind in found.absent)
     if found.difference is None:
         return f"equal: {found.compared} events\nderived: {derived}\n{absent}"
-    return _difference(found.difference, head) + absent
+    return _difference(found.difference, header) + absent
 
 
-def _difference(found: Difference, head: Head) -> str:
+def _difference(found: Difference, header: RunHeader) -> str:
     from codra_dsl.runtime.why.values import instant
 
     event = found.recorded or found.replayed
     if event is None:
         return ""
-    place = _place(event, head.outline)
+    place = _place(event, header.summary)
     lines = [
         f"differs at event {found.position}, {instant(event.instant_s)}: {event.kind} {event.name}"
-        f"{_for_variables(event, head.outline)}{f'  [{place}]' if place else ''}",
+        f"{_for_variables(event, header.summary)}{f'  [{place}]' if place else ''}",
         f"  journal: {_line(found.recorded)}",
         f"  replay:  {_line(found.replayed)}",
     ]
@@ -240,18 +245,18 @@ def _line(event: Event | None) -> str:
     return "no event in its place" if event is None else f"{event.kind} {message_of(event).decode()}"
 
 
-def _for_variables(event: Event, outline: Outline) -> str:
+def _for_variables(event: Event, summary: SpecSummary) -> str:
     """Return which variables a job is there for."""
     from codra_dsl.runtime.journal import Kind
 
-    algorithm = outline.algorithms.get(event.name) if event.kind is Kind.JOB else None
+    algorithm = summary.algorithms.get(event.name) if event.kind is Kind.JOB else None
     return "" if algorithm is None else f" for {', '.join(algorithm.identifies)}"
 
 
-def _place(event: Event, outline: Outline) -> Place | None:
+def _place(event: Event, summary: SpecSummary) -> Place | None:
     """Return the place in the spec that an event follows from: that of the rule which gave a value, if one did."""
     from codra_dsl.runtime.journal.schemas import place_of
 
-    algorithm = outline.algorithms.get(event.details.get("source", ""))
+    algorithm = summary.algorithms.get(event.details.get("source", ""))
     rule = None if algorithm is None else algorithm.identifies.get(event.name)
-    return place_of(event.kind, event.name, outline) if rule is None else rule.place
+    return place_of(event.kind, event.name, summary) if rule is None else rule.place

@@ -1,249 +1,162 @@
-"""`codra run`: a spec's observers in a simulated world, scored against its ground truth."""
+"""`codra run`: a spec's observers in a world, which another distribution provides."""
 
 from __future__ import annotations
 
+import inspect
 import sys
-import tempfile
-from collections.abc import Callable, Mapping
-from enum import StrEnum
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
+from typer.core import TyperCommand
 
-from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
-from codra_dsl.cli.lab import lab_spec, made_folder
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say
 from codra_dsl.cli.options import ColourOption
-from codra_dsl.cli.store import PageOptions, StoreOptions, run_in_store
+from codra_dsl.cli.plugins import PAPERS, WORLDS, command_of, load_plugin, plugins
+from codra_dsl.cli.worlds import Pace, RunRequest, World
 
 if TYPE_CHECKING:
-    from codra_dsl.experiments.lab import LabRun, LabSettings
-    from codra_dsl.model import Spec
-
-
-class World(StrEnum):
-    """The worlds that a spec can be run in."""
-
-    LAB = "lab"
-    STORE = "store"
-
-
-class Pace(StrEnum):
-    """How time passes: as fast as it can be computed, or as it really does."""
-
-    FAST = "fast"
-    REAL = "real"
-
-
-class Happening(StrEnum):
-    """What happens in the store, besides what somebody at its page asks for; a situation's name."""
-
-    ORDINARY = "ordinary"
-    SECOND_ORDER = "second-order"
-    PEOPLE_CLOSE = "people-close"
-    HIDDEN = "hidden"
-    ABSENT = "absent"
-    QUIET = "quiet"
-
+    from typer._click import Context
 
 SpecFile = Annotated[Path, typer.Argument(metavar="SPEC", help="The spec to run.", show_default=False)]
-WorldOption = Annotated[World, typer.Option("--world", help="Where to run it.")]
-Seed = Annotated[int, typer.Option("--seed", help="Of everything that chance decides.")]
-Duration = Annotated[
+WorldOption = Annotated[
     str | None,
     typer.Option(
-        "--for",
-        metavar="DURATION",
-        help="How long, e.g. '10 min'.  [default: one whole loop; store: 10 min, with --page until Ctrl-C]",
+        "--world",
+        metavar="NAME",
+        help="Where to run it; `codra run --world NAME --help` shows the options of that world.  "
+        "[default: lab, or the only world that is installed]",
+        show_default=False,
+        autocompletion=lambda: list(plugins(WORLDS)),
     ),
 ]
+Seed = Annotated[int, typer.Option("--seed", help="The seed of all random choices.")]
+Duration = Annotated[
+    str | None,
+    typer.Option("--for", metavar="DURATION", help="How long, e.g. '10 min'.  [default: the world's own]"),
+]
 PaceOption = Annotated[Pace, typer.Option("--pace", help="Whether simulated or real time passes.")]
-Naive = Annotated[bool, typer.Option("--naive", help="Add an arm without conditions that looks again at once.")]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        "--out", metavar="DIR", help="Where pictures and records go.  [default: runs/NAME-seed-SEED; store: nowhere]"
-    ),
+    typer.Option("--out", metavar="DIR", help="Where pictures and records go.  [default: the world's own]"),
 ]
 JournalOption = Annotated[
     Path | None,
-    typer.Option(
-        "--journal",
-        metavar="FILE",
-        help="Write the run's journal, an MCAP file; with --naive also FILE's name with .naive in it.",
-        show_default=False,
-    ),
+    typer.Option("--journal", metavar="FILE", help="Write the run's journal, an MCAP file.", show_default=False),
 ]
 
-SituationOption = Annotated[
-    Happening | None,
-    typer.Option(
-        "--situation", help="Store: what happens.  [default: ordinary, with --page quiet]", show_default=False
-    ),
-]
-PageOption = Annotated[bool, typer.Option("--page", help="Store: serve the picker's page, on this machine only.")]
-Port = Annotated[
-    int | None,
-    typer.Option("--port", min=1, max=65535, help="Store: of the page.  [default: one that is free]"),
-]
+_USUAL_WORLD = "lab"
 
-_PROGRESS_EVERY_S = 10.0
 
-CONTEXT_DRIVEN = "context-driven"
-"""The arm that answers the main execution."""
+class RunCommand(TyperCommand):
+    """The command with the options of the world that its arguments name."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
+        """Parse the arguments as those of the world; without one, as the options that all worlds share."""
+        name = _world_in(args)
+        entry_point = plugins(WORLDS).get(name or "")
+        if name is None or entry_point is None:
+            return super().make_context(info_name, args, parent, **extra)
+        command = command_of(_with_options_of(load_plugin(entry_point), name), self.name or "run")
+        try:
+            return command.make_context(info_name, args, parent, **extra)
+        except typer.TyperException as error:
+            if not hasattr(error, "possibilities"):  # an option that the command does not have
+                raise
+            option, near = getattr(error, "option_name", ""), getattr(error, "possibilities", None)
+            help_ = f": did you mean {' or '.join(sorted(near))}?" if near else ""
+            message = f"the {name} has no such option{help_}"
+            raise typer.BadParameter(message, ctx=getattr(error, "ctx", None), param_hint=option) from error
 
 
 def run_command(
     spec: SpecFile,
     *,
-    world: WorldOption = World.LAB,
+    world: WorldOption = None,
     seed: Seed = 1,
     for_: Duration = None,
     pace: PaceOption = Pace.FAST,
-    naive: Naive = False,
     out: Out = None,
     journal: JournalOption = None,
-    situation: SituationOption = None,
-    page: PageOption = False,
-    port: Port = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Run a spec in a simulated world. It prints what came of it, against what was true."""
-    duration_s = None if for_ is None else _duration_s(for_)
-    (spec,) = existing([spec])
-    if world is World.STORE:
-        _refuse_options("the store has no", {"--naive": naive})
-        if port is not None and not page:
-            raise typer.BadParameter("it is the port of --page", param_hint="--port")
-        settings = StoreOptions(
-            seed=seed,
-            duration_s=duration_s,
-            pace=pace.value,
-            situation=None if situation is None else situation.value,
-            page=PageOptions(port=port or 0) if page else None,
-            progress=_progress(),
-            journal=None if journal is None else _writable(journal),
-            out=None if out is None else made_folder(out),
-        )
-        run_in_store(spec, settings, color)
-    else:
-        _refuse_options(
-            "the lab has no", {"--situation": situation is not None, "--page": page, "--port": port is not None}
-        )
-        _run_in_lab(
-            spec, seed=seed, duration_s=duration_s, pace=pace, naive=naive, out=out, journal=journal, color=color
-        )
+    """Run a spec in a simulated world and print the outcome, compared with the ground truth."""
+    del spec, seed, for_, pace, out, journal, color  # no installed world takes them
+    _refuse(world)
 
 
-def _refuse_options(why: str, given: Mapping[str, bool]) -> None:
-    for option, is_given in given.items():
-        if is_given:
-            raise typer.BadParameter(f"{why} such option", param_hint=option)
+def _refuse(world: str | None) -> NoReturn:
+    """End the command, which has no world to run in."""
+    known = list(plugins(WORLDS))
+    if not known:
+        say(f"codra: 'run' needs a world, and none is installed: pip install '{PAPERS}[lab,store]' adds two")
+        raise typer.Exit(ExitCode.FAILED)
+    if world is None:
+        raise typer.BadParameter(f"there are several worlds: choose one of {', '.join(known)}", param_hint="--world")
+    from codra_dsl.language.diagnostics import suggest
+
+    near = suggest(world, known)
+    help_ = f"did you mean '{near}'?" if near else f"installed are {', '.join(known)}"
+    raise typer.BadParameter(f"there is no world '{world}': {help_}", param_hint="--world")
 
 
-def _run_in_lab(
-    spec: Path,
+def _world_in(args: Sequence[str]) -> str | None:
+    """Return the world that arguments name, else the usual one; None if there is no usual one."""
+    options = list(args[: args.index("--")] if "--" in args else args)
+    for index, option in reversed(list(enumerate(options))):
+        if option == "--world" and index + 1 < len(options):
+            return options[index + 1]
+        if option.startswith("--world="):
+            return option.removeprefix("--world=")
+    known = plugins(WORLDS)
+    return _USUAL_WORLD if _USUAL_WORLD in known else next(iter(known)) if len(known) == 1 else None
+
+
+def _with_options_of(world: World, name: str) -> Callable[..., None]:
+    """Return the function of the command for a world: with the options that all worlds share, and its own."""
+    _, *own = inspect.signature(world, eval_str=True).parameters.values()
+    shared = inspect.signature(run_command, eval_str=True).parameters
+    if taken := [parameter.name for parameter in own if parameter.name in shared]:
+        say(f"codra: the world '{name}' declares options that all worlds have: {', '.join(taken)}")
+        raise typer.Exit(ExitCode.FAILED)
+
+    def command(**given: Any) -> None:
+        options = {parameter.name: given.pop(parameter.name) for parameter in own}
+        del given["world"]
+        world(_request(**given), **options)
+
+    parameters = [*shared.values(), *(each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in own)]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    worlds = f"Installed worlds: {', '.join(plugins(WORLDS))}."
+    command.__doc__ = f"{inspect.getdoc(run_command)}\n\nThe world '{name}': {inspect.getdoc(world) or ''}\n\n{worlds}"
+    return command
+
+
+def _request(
     *,
+    spec: Path,
     seed: int,
-    duration_s: float | None,
+    for_: str | None,
     pace: Pace,
-    naive: bool,
     out: Path | None,
     journal: Path | None,
     color: Colour,
-) -> None:
-    from codra_dsl.experiments.interrupts import interrupts_held_back
-
-    try:
-        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
-            from codra_dsl.experiments import lab, pacing
-            from codra_dsl.experiments.arms import NAIVE
-    except ModuleNotFoundError as error:
-        say(f"codra: 'run' needs {error.name}: pip install 'codra-dsl[lab,viz]'")
-        raise typer.Exit(ExitCode.FAILED) from error
-
+) -> RunRequest:
+    """Return what the command line asks for, with the spec compiled as far as its plan."""
+    duration_s = None if for_ is None else _duration_s(for_)
+    (spec,) = existing([spec])
     root = common_root([spec])
-    loaded = lab_spec(spec, root, color)
-    settings = lab.LabSettings(
-        seed=seed,
-        duration_s=duration_s,
-        work=lab.OneLoop() if duration_s is None else lab.Loops(),
-        answering=CONTEXT_DRIVEN,
-        pace=pacing.Pace(pace.value),
-        progress=_progress(),
-        journal=None if journal is None else _writable(journal),
-    )
-    if journal is not None and naive:
-        _writable(lab.beside(journal, NAIVE.name))
-    folder = made_folder(out if out is not None else Path("runs") / f"{loaded.name}-seed-{seed}")
-    sys.path.append(str(root))  # the robot's own perception functions may stand beside its specs
-    _show(_run(loaded, settings, naive), folder, {variable.name: variable.label for variable in loaded.context})
-
-
-def _run(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
-    from codra_dsl.experiments.arms import NAIVE, Arm, Need, observers
-    from codra_dsl.experiments.lab import run_lab
-    from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
-    from codra_dsl.worlds.lab.gl import GraphicsUnavailableError
-
-    with tempfile.TemporaryDirectory(prefix="codra-") as made:
-        arms = (Arm(name=CONTEXT_DRIVEN, need=Need.ANNOUNCED), *((NAIVE,) if naive else ()))
-        ready = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(arms)]
-        try:
-            return run_lab(ready, settings)
-        except GraphicsUnavailableError as error:
-            say(f"codra: {error}")
-            raise typer.Exit(ExitCode.FAILED) from error
-        except (CallError, NotDeclaredError, UnknownNameError) as error:
-            say(f"codra: '{spec.name}' does not run in the lab: {error}")
-            raise typer.Exit(ExitCode.FAILED) from error
+    plan = one_plan(spec, root, color)
+    sys.path.append(str(root))  # the robot's own perception functions may be beside its specs
+    return RunRequest(plan=plan, root=root, seed=seed, duration_s=duration_s, pace=pace, out=out, journal=journal)
 
 
 def _duration_s(text: str) -> float:
-    from codra_dsl.units import parse_duration
+    from codra_dsl.language.units import parse_duration
 
     duration_s = parse_duration(text)
     if not isinstance(duration_s, float) or not 0 < duration_s < float("inf"):
         raise typer.BadParameter(f"'{text}' is no duration such as '90 s' or '10 min'", param_hint="--for")
     return duration_s
-
-
-def _writable(journal: Path) -> Path:
-    """Return the path of a journal that can be made, known before the run lest it be in vain."""
-    from codra_dsl.runtime.journal.opening import opened
-
-    try:
-        opened(journal).close()
-    except OSError as error:
-        raise typer.BadParameter(f"cannot write '{journal}': {error.strerror}", param_hint="--journal") from error
-    return journal
-
-
-def _progress() -> Callable[[float], None]:
-    """Return what shows the reached instant on a terminal, and nothing elsewhere."""
-    if not sys.stderr.isatty():
-        return lambda _: None
-    shown_s = 0.0
-
-    def show(now_s: float) -> None:
-        nonlocal shown_s
-        if now_s - shown_s >= _PROGRESS_EVERY_S:
-            shown_s = now_s
-            print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
-
-    return show
-
-
-def _show(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
-    from codra_dsl.experiments.report import run_text, write_pictures
-
-    if sys.stderr.isatty():
-        print("\r", end="", file=sys.stderr)
-    write_result(run_text(run))
-    try:
-        paths = list(write_pictures(run, folder, labels))
-    except OSError as error:
-        say(f"codra: cannot write to '{folder}': {error.strerror or error}")
-        raise typer.Exit(ExitCode.FAILED) from error
-    say("\n".join(path.as_posix() for path in paths))
-    raise typer.Exit(ExitCode.FAILED if run.error else ExitCode.CLEAN)

@@ -11,7 +11,7 @@ import typer
 from codra_dsl.cli.console import ExitCode, existing, say, write_result
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.shadow import ShadowReport
+    from codra_dsl.runtime.context.shadow import ShadowReport
 
 JournalFile = Annotated[Path, typer.Argument(metavar="FILE", help="The journal of a run.", show_default=False)]
 
@@ -30,12 +30,12 @@ def shadow_command(
 ) -> None:
     """Say how often context agreed with what the robot saw itself, in decisions with `shadow=True`."""
     from codra_dsl.cli.journals import opened_journal, say_what_lacks
-    from codra_dsl.runtime.shadow import shadow_report
+    from codra_dsl.runtime.context.shadow import shadow_report
 
     existing([file])
     with opened_journal(file) as reader:
         events = tuple(reader.events())
-        say_what_lacks(reader, events[-1].instant_s if events else reader.head().start_s)
+        say_what_lacks(reader, events[-1].instant_s if events else reader.header().start_s)
     try:
         report = shadow_report(events)
     except (ValueError, LookupError, TypeError, AttributeError) as error:

@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, say, write_result
-from codra_dsl.cli.lab import one_plan
+from codra_dsl.cli.console import Colour, ExitCode, common_root, existing, one_plan, say, write_result
 from codra_dsl.cli.options import ColourOption, Output
 
 if TYPE_CHECKING:
-    from codra_dsl.experiments.sweep_pictures import Axis
-    from codra_dsl.experiments.sweeping import Subject
-    from codra_dsl.model import Variable
-    from codra_dsl.runtime.conditions import Value
+    from codra_dsl.integrations.inspection.sweep_pictures import Axis
+    from codra_dsl.integrations.inspection.sweeps import Subject
+    from codra_dsl.language.model import Variable
+    from codra_dsl.runtime.values.conditions import Value
 
 
 class SweepFormat(StrEnum):
@@ -86,7 +85,7 @@ def sweep_command(
         raise typer.BadParameter("two inputs are drawn: add --format svg, or vary one", param_hint="--vary")
     root = common_root([spec])
     plan = one_plan(spec, root, color)
-    from codra_dsl.experiments.sweeping import SweepError, subject
+    from codra_dsl.integrations.inspection.sweeps import SweepError, subject
 
     sys.path.append(str(root))
     with tempfile.TemporaryDirectory(prefix="codra-") as made:
@@ -108,7 +107,7 @@ def _asked_by(output: Path | None) -> SweepFormat:
 
 
 def _shown(subject: Subject, vary: Sequence[str], said: Sequence[str], steps: int, how: SweepFormat) -> str | bytes:
-    from codra_dsl.experiments.sweeping import SweepError, held, varied
+    from codra_dsl.integrations.inspection.sweeps import SweepError, held, varied
 
     try:
         known = held(subject, said)
@@ -131,8 +130,8 @@ def _told(
     inputs: Sequence[tuple[Variable, Sequence[Value]]],
     how: SweepFormat,
 ) -> str:
-    from codra_dsl.experiments.sweeping import inputs_json, inputs_text, sweep_json
-    from codra_dsl.runtime.mape.sweep import sweep
+    from codra_dsl.integrations.inspection.sweeps import inputs_json, inputs_text, sweep_json
+    from codra_dsl.runtime.loops.sweep import sweep
 
     if not inputs:
         return inputs_json(subject) if how is SweepFormat.JSON else inputs_text(subject)
@@ -148,12 +147,12 @@ def _drawn(
     steps: int,
 ) -> bytes:
     try:
-        from codra_dsl.experiments.sweep_pictures import memberships_svg, surfaces_svg, sweep_svg
+        from codra_dsl.integrations.inspection.sweep_pictures import memberships_svg, surfaces_svg, sweep_svg
     except ModuleNotFoundError as error:
         say(f"codra: '--format svg' needs {error.name}: pip install 'codra-dsl[viz]'")
         raise typer.Exit(ExitCode.FAILED) from error
-    from codra_dsl.experiments.sweeping import varied
-    from codra_dsl.runtime.mape.sweep import surface, sweep
+    from codra_dsl.integrations.inspection.sweeps import varied
+    from codra_dsl.runtime.loops.sweep import surface, sweep
 
     axes = [_axis(subject, variable, values) for variable, values in inputs]
     if len(inputs) == _MOST_VARIED:
@@ -171,7 +170,7 @@ def _drawn(
 
 
 def _axis(subject: Subject, variable: Variable, values: Sequence[Value]) -> Axis:
-    from codra_dsl.experiments.sweep_pictures import Axis
+    from codra_dsl.integrations.inspection.sweep_pictures import Axis
 
     terms = subject.terms(variable.name)
     return Axis(variable=variable.name, unit=variable.type.unit or "", values=values, terms=terms)

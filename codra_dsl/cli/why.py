@@ -13,8 +13,8 @@ import typer
 from codra_dsl.cli.console import ExitCode, existing, say, write_result
 
 if TYPE_CHECKING:
-    from codra_dsl.runtime.journal.head import Head
-    from codra_dsl.runtime.journal.past import Past
+    from codra_dsl.runtime.journal.checkpoints import Checkpoints
+    from codra_dsl.runtime.journal.run_header import RunHeader
     from codra_dsl.runtime.why import Why
 
 
@@ -64,41 +64,41 @@ def why_command(
 ) -> None:
     """Say why a variable was what it was. From its value to the evidence, or from unknown to what was missing."""
     from codra_dsl.cli.journals import opened_journal, say_what_lacks
-    from codra_dsl.runtime.journal.past import Past
+    from codra_dsl.runtime.journal.checkpoints import Checkpoints
     from codra_dsl.runtime.why.values import instant
 
     existing([journal])
     with opened_journal(journal) as reader:
-        head = reader.head()
-        asked_s = None if at is None else _instant_s(at, head)
-        past = Past(reader, math.inf if asked_s is None else asked_s)
-        end_s = head.start_s if past.end_s is None else past.end_s
+        header = reader.header()
+        asked_s = None if at is None else _instant_s(at, header)
+        past = Checkpoints(reader, math.inf if asked_s is None else asked_s)
+        end_s = header.start_s if past.end_s is None else past.end_s
         say_what_lacks(reader, end_s)
-        if asked_s is not None and not head.start_s <= asked_s <= end_s:
-            message = f"the journal holds {instant(head.start_s)} to {instant(end_s)}, not {instant(asked_s)}"
+        if asked_s is not None and not header.start_s <= asked_s <= end_s:
+            message = f"the journal holds {instant(header.start_s)} to {instant(end_s)}, not {instant(asked_s)}"
             raise typer.BadParameter(message, param_hint="--at")
-        found = _explained(head, past, variable, end_s if asked_s is None else asked_s, journal)
+        found = _explained(header, past, variable, end_s if asked_s is None else asked_s, journal)
     write_result(f"{found}\n" if format_ is WhyFormat.TEXT else _json(found))
 
 
-def _explained(head: Head, past: Past, variable: str, at_s: float, journal: Path) -> Why:
-    from codra_dsl.runtime.names import UnknownNameError
+def _explained(header: RunHeader, past: Checkpoints, variable: str, at_s: float, journal: Path) -> Why:
+    from codra_dsl.runtime.errors import UnknownNameError
     from codra_dsl.runtime.why import explain
 
     try:
-        return explain(head.outline, past.ledger, variable, at_s)
+        return explain(header.summary, past.latest_events, variable, at_s)
     except UnknownNameError as error:
-        _check_variable(variable, head)
+        _check_variable(variable, header)
         raise typer.BadParameter(str(error), param_hint="VARIABLE") from error
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         say(f"codra: '{journal}' cannot be explained: {type(error).__name__}: {error}")
         raise typer.Exit(ExitCode.FAILED) from error
 
 
-def _check_variable(name: str, head: Head) -> None:
+def _check_variable(name: str, header: RunHeader) -> None:
     """Refuse a name of the context where there is no knowledge that it could be of."""
-    if not head.outline.nodes and name not in head.outline.variables:
-        near = difflib.get_close_matches(name, head.outline.variables, n=1)
+    if not header.summary.nodes and name not in header.summary.variables:
+        near = difflib.get_close_matches(name, header.summary.variables, n=1)
         hint = f": did you mean '{near[0]}'?" if near else ""
         raise typer.BadParameter(f"the spec has no context-variable '{name}'{hint}", param_hint="VARIABLE")
 
@@ -111,11 +111,11 @@ def _json(found: Why) -> str:
     return f"{json_text(dataclasses.asdict(found))}\n"
 
 
-def _instant_s(text: str, head: Head) -> float:
+def _instant_s(text: str, header: RunHeader) -> float:
     """Return the instant that is asked about."""
     if text.startswith("+"):
         found_s = _seconds(text[1:].strip())
-        asked_s = None if found_s is None else head.start_s + found_s
+        asked_s = None if found_s is None else header.start_s + found_s
     else:
         found_s = _seconds(text)
         asked_s = _time_of_day_s(text) if found_s is None else found_s
@@ -126,7 +126,7 @@ def _instant_s(text: str, head: Head) -> float:
 
 
 def _seconds(text: str) -> float | None:
-    from codra_dsl.units import parse_duration
+    from codra_dsl.language.units import parse_duration
 
     try:
         return float(text)

@@ -1,1 +1,1 @@
-"""What runs in the process of an isolated perception algorithm. It imports nothing else of ours, to start soon."""
+"""Code of the process of an isolated perception algorithm. To start fast, it imports no other codra modules."""

@@ -1,7 +1,7 @@
-"""What a program and the process of a perception algorithm say to each other: frames of bounded size.
+"""Messages between a program and the process of a perception algorithm, in frames of bounded size.
 
-Towards the process a frame is a pickle, so that handles can answer with whatever can be copied. What comes back is
-JSON of a few shapes, never a pickle: a process cannot run code in the program, or fill its memory.
+A frame to the process is a pickle, so that handles can answer with any object that can be copied. A frame from the
+process is JSON of a few shapes, never a pickle: a process cannot run code in the program, or fill its memory.
 """
 
 from __future__ import annotations
@@ -13,90 +13,90 @@ import struct
 from collections.abc import Mapping
 from typing import Any
 
-MAX_TOLD_BYTES = 2**20
-"""The longest frame that a process may send: its results are for decisions, not for payload."""
+MAX_REPLY_BYTES = 2**20
+"""The maximum size of a frame from a process; its results are meant for decisions, not as payload."""
 
-MAX_GIVEN_BYTES = 64 * 2**20
-"""The longest frame that a process is sent: the image of a large camera has 36 MB."""
+MAX_REQUEST_BYTES = 64 * 2**20
+"""The maximum size of a frame to a process; for comparison, the image of a large camera has 36 MB."""
 
 MAX_SHOWN = 200
-"""Characters of a foreign text that a reason shows."""
+"""The maximum number of characters of a foreign text that a message shows."""
 
 _HEAD = struct.Struct("!I")
 _MAX_ENTRIES = 1000
 _MAX_NAME = 60
-_MAX_WHOLE = 2**63 - 1
+_MAX_INTEGER = 2**63 - 1
 _MAX_BITS = 2**16
 _MAX_TEXT = 10_000
 
 
 class GarbageError(ValueError):
-    """A process sent what none of ours sends."""
+    """A process sent an invalid message."""
 
 
-class Line:
+class Connection:
     """One end of the connection between a program and a process."""
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
 
-    def give(self, thing: object) -> None:
+    def send(self, content: object) -> None:
         """Send an object towards a process.
 
         Raises:
             TypeError: if it cannot be copied.
             ValueError: if it is too large.
-            OSError: if nobody is there any more.
+            OSError: if the process is gone.
         """
         try:
-            data = pickle.dumps(thing, protocol=5)
+            data = pickle.dumps(content, protocol=5)
         except Exception as error:
             raise TypeError(f"cannot be copied to another process: {described(error)}") from error
-        if len(data) > MAX_GIVEN_BYTES:
-            raise ValueError(f"{len(data)} bytes are more than the {MAX_GIVEN_BYTES} that a process is sent")
+        if len(data) > MAX_REQUEST_BYTES:
+            raise ValueError(f"{len(data)} bytes are more than the {MAX_REQUEST_BYTES} that a process is sent")
         self.connection.sendall(_HEAD.pack(len(data)))
         self.connection.sendall(data)
 
-    def take(self) -> Any:
-        """Receive, in a process, what the program gives; it is trusted.
+    def receive(self) -> Any:
+        """Receive, in a process, an object from the program, which is trusted.
 
         Raises:
             EOFError: if the program is gone.
         """
-        return pickle.loads(self._read(MAX_GIVEN_BYTES))
+        return pickle.loads(self._read(MAX_REQUEST_BYTES))
 
-    def tell(self, *message: object) -> None:
+    def reply(self, *message: object) -> None:
         """Send a message of plain values towards the program.
 
         Raises:
             ValueError: if it is too long.
         """
         data = json.dumps(message).encode()
-        if len(data) > MAX_TOLD_BYTES:
-            raise ValueError(f"{len(data)} bytes are more than the {MAX_TOLD_BYTES} that a process may send")
+        if len(data) > MAX_REPLY_BYTES:
+            raise ValueError(f"{len(data)} bytes are more than the {MAX_REPLY_BYTES} that a process may send")
         self.connection.sendall(_HEAD.pack(len(data)) + data)
 
-    def hear(self) -> list[Any]:
-        """Receive a message of a process; nothing in it is trusted.
+    def receive_reply(self) -> list[Any]:
+        """Receive a message of a process, which is not trusted.
 
         Raises:
             EOFError: if the process is gone.
-            TimeoutError: if the time of the connection is over.
-            GarbageError: if it is no message, or too long.
+            TimeoutError: if the time limit of the connection has passed.
+            GarbageError: if it is not a valid message, or too long.
         """
-        data = self._read(MAX_TOLD_BYTES)
+        data = self._read(MAX_REPLY_BYTES)
         try:
             message = json.loads(data)
         except (ValueError, RecursionError) as error:
-            raise GarbageError("its process sent what is no message") from error
+            raise GarbageError("its process sent an invalid message") from error
         if not isinstance(message, list) or not message or not isinstance(message[0], str):
-            raise GarbageError("its process sent what is no message")
+            raise GarbageError("its process sent an invalid message")
         return message
 
-    def _read(self, most: int) -> bytearray:
+    def _read(self, limit: int) -> bytearray:
         (length,) = _HEAD.unpack(self._read_all(_HEAD.size))
-        if length > most:
-            raise GarbageError(f"its process sent more than {most} bytes")
+        if length > limit:
+            raise GarbageError(f"its process sent more than {limit} bytes")
         return self._read_all(length)
 
     def _read_all(self, length: int) -> bytearray:
@@ -108,13 +108,13 @@ class Line:
             except ConnectionError:
                 count = 0
             if not count:
-                raise EOFError("nobody is there any more")
+                raise EOFError("the other end is closed")
             left = left[count:]
         return data
 
 
 class _LongText(str):
-    """The beginning of a text that was too long to send, which says how long it was."""
+    """The beginning of a text that was too long to send; `len` returns the length of the full text."""
 
     def __new__(cls, beginning: str, length: int) -> _LongText:
         made = super().__new__(cls, beginning)
@@ -127,38 +127,38 @@ class _LongText(str):
     _length: int
 
 
-# What a function returned, as a message
+# Messages for a function's result
 
 
-def told_result(returned: object) -> object:
-    """Return what a perception function returned as plain values, in which anything foreign has but its type's name."""
+def encode_result(returned: object) -> object:
+    """Return a perception function's result as plain values; for foreign values, only the type's name is kept."""
     if not isinstance(returned, Mapping):
-        return _told_value(returned)
+        return _encode_value(returned)
     pairs: list[object] = []
     for name in returned:
         if len(pairs) == _MAX_ENTRIES:
             break
-        pairs.append([_told_value(name), _told_value(returned[name])])
+        pairs.append([_encode_value(name), _encode_value(returned[name])])
     return {"mapping": pairs}
 
 
-def heard_result(told: object) -> object:
-    """Return what `told_result` told: values of other types are stand-ins that have nothing but their type's name.
+def decode_result(encoded: object) -> object:
+    """Return the result that `encode_result` encoded; foreign values become placeholders with the name of their type.
 
     Raises:
-        GarbageError: if it told nothing of the kind.
+        GarbageError: if the message is not an encoded result.
     """
-    if not isinstance(told, dict) or "mapping" not in told:
-        return _heard_value(told)
+    if not isinstance(encoded, dict) or "mapping" not in encoded:
+        return _decode_value(encoded)
     try:
-        return {_heard_value(name): _heard_value(value) for name, value in told["mapping"]}
+        return {_decode_value(name): _decode_value(value) for name, value in encoded["mapping"]}
     except (TypeError, ValueError) as error:
-        raise GarbageError("its process sent what is no result") from error
+        raise GarbageError("its process sent an invalid result") from error
 
 
-def _told_value(value: object) -> object:
+def _encode_value(value: object) -> object:
     plain = _plain(value)
-    if isinstance(plain, int) and abs(plain) > _MAX_WHOLE:
+    if isinstance(plain, int) and abs(plain) > _MAX_INTEGER:
         return {"bits": int(plain).bit_length()}
     if isinstance(plain, str):
         is_long = len(plain) > _MAX_TEXT
@@ -166,8 +166,8 @@ def _told_value(value: object) -> object:
     return plain if isinstance(plain, (bool, int, float)) else {"foreign": type(plain).__name__}
 
 
-def _heard_value(told: object) -> Any:
-    match told:
+def _decode_value(encoded: object) -> Any:
+    match encoded:
         case {"bits": int(bits)}:
             return 1 << (min(max(bits, 1), _MAX_BITS) - 1)
         case {"text": str(text), "length": int(length)}:
@@ -177,32 +177,32 @@ def _heard_value(told: object) -> Any:
         case {"foreign": str(name)}:
             return type(name[:_MAX_NAME].encode("ascii", "replace").decode().replace("\0", "?"), (), {})()
         case bool() | int() | float() | str():
-            return told
+            return encoded
         case _:
-            raise GarbageError("its process sent what is no value")
+            raise GarbageError("its process sent an invalid value")
 
 
-# What a handle is given, as a message
+# Messages for arguments of a handle's methods
 
 
-def told_argument(value: object) -> object:
-    """Return what a process gives to a method of a handle: numbers, texts, lists and mappings of them.
+def encode_argument(value: object) -> object:
+    """Return an argument for a method of a handle: a number, a text, or a list or mapping of them.
 
     Raises:
-        TypeError: if it is something else.
+        TypeError: if the argument is something else.
     """
     plain = _plain(value)
     if plain is None or isinstance(plain, (bool, int, float, str)):
         return plain
     if isinstance(plain, (list, tuple)):
-        return [told_argument(part) for part in plain]
+        return [encode_argument(part) for part in plain]
     if isinstance(plain, dict) and all(isinstance(name, str) for name in plain):
-        return {name: told_argument(part) for name, part in plain.items()}
+        return {name: encode_argument(part) for name, part in plain.items()}
     raise TypeError(f"a handle takes numbers, texts, lists and mappings from a process, not a {type(plain).__name__}")
 
 
 def _plain(given: object) -> object:
-    """Return the number that one of numpy's scalars stands for, and anything else as it is."""
+    """Return the number of a numpy scalar, and any other value unchanged."""
     try:
         item = getattr(given, "item", None)
         return item() if callable(item) else given
@@ -211,7 +211,7 @@ def _plain(given: object) -> object:
 
 
 def described(error: BaseException) -> str:
-    """Return an error as a short text that can be written down, whatever the error is."""
+    """Return a short, encodable text for any error."""
     try:
         message = str(error)
     except Exception:  # noqa: BLE001 - even that may fail

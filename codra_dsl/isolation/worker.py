@@ -1,4 +1,4 @@
-"""The process of a perception algorithm, from within: it does one job after the other until the program is gone."""
+"""The process of a perception algorithm, from inside: it executes one job after the other until the program is gone."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from codra_dsl.isolation.messages import Line, described, told_argument, told_result
-from codra_dsl.isolation.perceiver import AbsentError, Perceiver, found
+from codra_dsl.isolation.function_host import AbsentError, FunctionHost, resolved
+from codra_dsl.isolation.messages import Connection, described, encode_argument, encode_result
 
 
 class Cancelled(Exception):  # noqa: N818 - it is an outcome, not an error
-    """Nobody waits for the result of the job any more."""
+    """The job has been cancelled, or the program is gone."""
 
 
 class _Asking:
-    """Asks the program, one question at a time, whichever thread asks."""
+    """Sends requests to the program, one at a time, from any thread."""
 
-    def __init__(self, line: Line) -> None:
-        self._line = line
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
         self._turn = threading.Lock()
 
-    def ask(self, *question: object) -> tuple[str, Any]:
-        """Return what the program answers: its kind and content.
+    def ask(self, *request: object) -> tuple[str, Any]:
+        """Return the program's answer: its kind and content.
 
         Raises:
-            Cancelled: if nobody waits for the job any more, or the program is gone.
+            Cancelled: if the job has been cancelled, or the program is gone.
         """
         try:
             with self._turn:
-                self._line.tell(*question)
-                kind, content = self._line.take()
+                self._connection.reply(*request)
+                kind, content = self._connection.receive()
         except (EOFError, OSError):
             raise Cancelled from None
         if kind == "cancelled":
@@ -43,7 +43,7 @@ class _Asking:
 
 
 class RemoteJob:
-    """The `job` of one call; the program answers, so that it means the same as in a thread."""
+    """The `job` of one call; it asks the program, so that it behaves as in a thread."""
 
     def __init__(self, asking: _Asking, index: int, chance: str) -> None:
         self.index = index
@@ -52,7 +52,7 @@ class RemoteJob:
 
     @property
     def cancelled(self) -> bool:
-        """Return whether nobody waits for the result any more."""
+        """Return whether the job has been cancelled."""
         return bool(self._asking.ask("job", "cancelled", [])[1])
 
     def now_s(self) -> float:
@@ -60,12 +60,12 @@ class RemoteJob:
         return float(self._asking.ask("job", "now_s", [])[1])
 
     def sleep(self, duration_s: float) -> None:
-        """Spend time; raises `Cancelled` when nobody waits for the result any more."""
-        self._asking.ask("job", "sleep", [told_argument(duration_s)])
+        """Sleep; raise `Cancelled` once the job has been cancelled."""
+        self._asking.ask("job", "sleep", [encode_argument(duration_s)])
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Say when the evidence was taken."""
-        self._asking.ask("job", "evidence", [told_argument(start_s), told_argument(stamp_s)])
+        """Report when the evidence was taken."""
+        self._asking.ask("job", "evidence", [encode_argument(start_s), encode_argument(stamp_s)])
 
 
 class RemoteHandle:
@@ -79,68 +79,70 @@ class RemoteHandle:
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
-            raise AttributeError(f"a process does not see {name!r} of handle {'.'.join(self._path)!r}")
+            raise AttributeError(
+                f"a process cannot access private attribute {name!r} of handle {'.'.join(self._path)!r}"
+            )
         kind, content = self._asking.ask("get", [*self._path, name])
         return content if kind == "value" else RemoteHandle(self._asking, [*self._path, name])
 
     def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"an observer is passive: it does not set {name!r} of handle {'.'.join(self._path)!r}")
+        raise AttributeError(f"an observer is passive: it cannot set {name!r} of handle {'.'.join(self._path)!r}")
 
     def __call__(self, *arguments: object, **named: object) -> Any:
         """Call a method, or the handle itself, in the program."""
-        told = [told_argument(each) for each in arguments]
-        return self._asking.ask("call", self._path, told, told_argument(named))[1]
+        encoded = [encode_argument(argument) for argument in arguments]
+        return self._asking.ask("call", self._path, encoded, encode_argument(named))[1]
 
 
-def work(connection: socket.socket, call: str) -> None:
-    """Import what a `call` names, and do what the program asks for until it is gone."""
-    line = Line(connection)
+def work(stream: socket.socket, call: str) -> None:
+    """Import the target of a `call`, and serve the program's requests until the program is gone."""
+    connection = Connection(stream)
     try:
-        perceiver = Perceiver(found(call))
+        host = FunctionHost(resolved(call))
     except AbsentError as error:
-        line.tell("absent", str(error))
+        connection.reply("absent", str(error))
         return
-    except BaseException as error:  # noqa: BLE001 - a module may do anything while it is imported
-        line.tell("absent", f": {described(error)}")
+    except BaseException as error:  # noqa: BLE001 - a module may raise anything while it is imported
+        connection.reply("absent", f": {described(error)}")
         return
-    line.tell("here")
+    connection.reply("here")
     try:
-        _serve(line, perceiver)
+        _serve(connection, host)
     finally:
-        perceiver.close()
+        host.close()
 
 
-def _serve(line: Line, perceiver: Perceiver) -> None:
-    asking = _Asking(line)
+def _serve(connection: Connection, host: FunctionHost) -> None:
+    asking = _Asking(connection)
     while True:
         try:
-            what, details = line.take()
+            step, details = connection.receive()
         except (EOFError, OSError):
             return
         try:
-            answer = _done(asking, perceiver, what, details)
+            answer = _execute(asking, host, step, details)
         except Cancelled:
             answer = ("cancelled",)
-        except BaseException as error:  # noqa: BLE001 - whatever a user's function raises is told
-            answer = ("raised", f"{'setup: ' if what == 'setup' else ''}{described(error)}")
+        except BaseException as error:  # noqa: BLE001 - every error of a user's function is reported
+            answer = ("raised", f"{'setup: ' if step == 'setup' else ''}{described(error)}")
         try:
-            _tell(line, answer)
+            _reply(connection, answer)
         except OSError:
             return
 
 
-def _tell(line: Line, answer: tuple[object, ...]) -> None:
+def _reply(connection: Connection, answer: tuple[object, ...]) -> None:
     try:
-        line.tell(*answer)
+        connection.reply(*answer)
     except ValueError as error:
-        line.tell("raised", f"returned too much: {error}")
+        connection.reply("raised", f"returned too much: {error}")
 
 
-def _done(asking: _Asking, perceiver: Perceiver, what: str, details: Mapping[str, Any]) -> tuple[object, ...]:
+def _execute(asking: _Asking, host: FunctionHost, step: str, details: Mapping[str, Any]) -> tuple[object, ...]:
     remote = {name: RemoteHandle(asking, [name]) for name in details["handles"]}
-    if what == "setup":
-        perceiver.setup({**details["given"], **remote})
+    if step == "setup":
+        host.setup({**details["given"], **remote})
         return ("ready",)
     job = RemoteJob(asking, details["index"], details["chance"])
-    returned = perceiver.perceive(**details["given"], **remote, job=job)
-    return ("returned", told_result(returned))
+    returned = host.perceive(**details["given"], **remote, job=job)
+    return ("returned", encode_result(returned))

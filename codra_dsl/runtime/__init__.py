@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
-from codra_dsl.runtime.agents import Agent, NotASourceError
-from codra_dsl.runtime.cell import Reading, Reason, UnknownValueError
+from codra_dsl.logic import Value
+from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock, SimClock, WallClock
-from codra_dsl.runtime.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
-from codra_dsl.runtime.expectations import Outcome, Verdict, Verification
-from codra_dsl.runtime.journal import Event, Kind, Record
+from codra_dsl.runtime.context.agents import Agent
+from codra_dsl.runtime.context.context import ContextManager, NotDeclaredError, Skill, UnknownNameError
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+from codra_dsl.runtime.context.shadow import ShadowReport
+from codra_dsl.runtime.errors import NotASourceError
+from codra_dsl.runtime.journal import Event, EventLog, Kind
 from codra_dsl.runtime.journal.journal import Journal
-from codra_dsl.runtime.model import ContextModel, NotOfTypeError
-from codra_dsl.runtime.perception import CallError, Job, Spent
-from codra_dsl.runtime.question import Question, Step
-from codra_dsl.runtime.shadow import ShadowReport
-from codra_dsl.runtime.subscriptions import Subscription
+from codra_dsl.runtime.observers.expectations import Outcome, Verdict, Verification
+from codra_dsl.runtime.perception import CallError, Cost, Job
+from codra_dsl.runtime.values.cell import Reading, Reason, UnknownValueError
+from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.values.model import (
+    NotOfTypeError,
+    ValueType,
+    VariableModel,
+    boolean,
+    integer,
+    member,
+    real,
+    text,
+)
 from codra_dsl.runtime.why import Why
 
 __all__ = [
+    "MAIN",
     "Agent",
     "CallError",
     "Clock",
     "ContextManager",
     "ContextModel",
+    "Cost",
+    "DecisionState",
     "Event",
+    "EventLog",
     "Job",
     "Journal",
     "Kind",
@@ -30,20 +47,25 @@ __all__ = [
     "NotDeclaredError",
     "NotOfTypeError",
     "Outcome",
-    "Question",
+    "PendingDecision",
     "Reading",
     "Reason",
-    "Record",
     "ShadowReport",
     "SimClock",
     "Skill",
-    "Spent",
-    "Step",
     "Subscription",
     "UnknownNameError",
     "UnknownValueError",
+    "Value",
+    "ValueType",
+    "VariableModel",
     "Verdict",
     "Verification",
     "WallClock",
     "Why",
+    "boolean",
+    "integer",
+    "member",
+    "real",
+    "text",
 ]

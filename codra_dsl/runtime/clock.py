@@ -23,6 +23,16 @@ from threading import get_ident
 from time import monotonic
 from typing import TypeVar
 
+__all__ = [
+    "Cancelled",
+    "Clock",
+    "Outcome",
+    "SimClock",
+    "Timer",
+    "WallClock",
+    "Work",
+]
+
 Outcome = TypeVar("Outcome")
 
 _LOGGER = logging.getLogger(__name__)

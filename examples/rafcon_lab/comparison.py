@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from codra_dsl.runtime import Event, Kind
-from codra_dsl.runtime.journal.reading import JournalReader
+from codra_dsl.runtime.journal.reader import JournalReader
 
 
 class Arm(StrEnum):

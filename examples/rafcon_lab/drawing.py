@@ -16,7 +16,7 @@ from rafcon.core.states.library_state import LibraryState
 from rafcon.core.states.state import State
 from rafcon.core.storage.storage import save_state_machine_to_path
 
-from codra_dsl.bridges.rafcon import register
+from codra_dsl.integrations.rafcon import register
 
 FOLDER = Path(__file__).parent / "tend_pcr_cycler"
 MACHINE = "pcr_cycler"
@@ -31,7 +31,7 @@ ACT = """def execute(self, inputs, outputs, gvm):
     getattr(gvm.get_variable("robot"), inputs["action"])(inputs["machine"])
     return "success"
 """
-DRIVE = """from codra_dsl.worlds.lab.robot import Station
+DRIVE = """from codra_papers.lab.robot import Station
 
 
 def execute(self, inputs, outputs, gvm):

@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from random import Random
 
-from codra_dsl.bridges.rafcon import Answers, Ended, opened, run_in_simulated_time
+from codra_dsl.integrations.rafcon import Answers, Ended, opened, run_in_simulated_time
 from codra_dsl.runtime import Journal, SimClock
-from codra_dsl.worlds.lab.camera import ArmCamera, FrameSource
-from codra_dsl.worlds.lab.eyes import Eyes
-from codra_dsl.worlds.lab.robot import Localization, Robot
-from codra_dsl.worlds.lab.world import LabWorld
+from codra_papers.lab.robot import Localization, Robot
+from codra_papers.lab.sequential_perception import SequentialPerception
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource
+from codra_papers.lab.simulator.world import LabWorld
 from examples.rafcon_lab.comparison import Arm
 from generated import lab
 
@@ -33,6 +33,6 @@ def run(arm: Arm, seed: int, journal: Path) -> Ended:
             record=Journal(journal),
         )
         with codra:
-            eyes = Eyes(robot, camera, codra, clock, seed=seed)
+            eyes = SequentialPerception(robot, camera, codra, clock, seed=seed)
             handles = {"robot": robot, "eyes": eyes}
             return run_in_simulated_time(machine, codra, clock, handles=handles, answers=answers)

@@ -6,19 +6,24 @@ Made by codra from specs/kitchen.yaml; edits are lost. Renew: codra compile spec
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence
 
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import (
+from codra_dsl.runtime.generated_api import (
+    Accept,
     Algorithm,
+    ControlFlag,
+    DueOrRunning,
     ExpectationModel,
+    Identify,
+    Observer,
     ObserverModel,
+    Perceive,
+    Precondition,
     SkillModel,
     VariableModel,
     boolean,
     integer,
     real,
+    value,
 )
-from codra_dsl.runtime.observer import Observer
 
 MEASURE_DISHWASHER = Algorithm(
     name="measure_dishwasher",

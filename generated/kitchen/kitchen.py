@@ -6,19 +6,28 @@ Made by codra from specs/kitchen.yaml; edits are lost. Renew: codra compile spec
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Selector, Sequence
 
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import age, first_of, known, maximum, value
-from codra_dsl.runtime.model import (
+from codra_dsl.runtime.generated_api import (
+    Accept,
     Algorithm,
+    ControlFlag,
+    DueOrRunning,
     ExpectationModel,
+    Identify,
+    Observer,
     ObserverModel,
+    Perceive,
+    Precondition,
     SkillModel,
     VariableModel,
+    age,
     boolean,
+    first_of,
+    known,
+    maximum,
     member,
     real,
+    value,
 )
-from codra_dsl.runtime.observer import Observer
 
 FIND_KETTLE = Algorithm(
     name="find_kettle",

@@ -7,8 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from codra_dsl.runtime import Clock, ContextManager, Reading, Record
-from codra_dsl.runtime.model import ContextModel, ResourceModel
+from codra_dsl.runtime.generated_api import Clock, ContextManager, ContextModel, EventLog, Reading, ResourceModel
 
 from . import centrifuge, lab, pcr_cycler
 
@@ -87,7 +86,7 @@ def start(
     clock: Clock,
     resources: Mapping[str, object],
     seed: int = 0,
-    record: Record | None = None,
+    record: EventLog | None = None,
 ) -> Lab:
     """Return the context manager; nothing is observed before it is declared or expected."""
     return Lab(MODEL, clock=clock, resources=resources, seed=seed, record=record)

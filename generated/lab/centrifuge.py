@@ -6,14 +6,27 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence
 
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import Algorithm, ObserverModel, SkillModel, VariableModel, boolean, integer, real
-from codra_dsl.runtime.observer import Observer
+from codra_dsl.runtime.generated_api import (
+    Accept,
+    Algorithm,
+    ControlFlag,
+    DueOrRunning,
+    Identify,
+    Observer,
+    ObserverModel,
+    Perceive,
+    Precondition,
+    SkillModel,
+    VariableModel,
+    boolean,
+    integer,
+    real,
+    value,
+)
 
 MEASURE_CENTRIFUGE_DISTANCE = Algorithm(
     name="measure_centrifuge_distance",
-    call="codra_dsl.worlds.lab.perception:measure_distance",
+    call="codra_papers.lab.perception.functions:measure_distance",
     parameters={"machine": "centrifuge"},
     handles=("base",),
     returns={"distance": real(0, 50, unit="m")},
@@ -22,7 +35,7 @@ MEASURE_CENTRIFUGE_DISTANCE = Algorithm(
 
 FIND_CENTRIFUGE_IN_VIEW = Algorithm(
     name="find_centrifuge_in_view",
-    call="codra_dsl.worlds.lab.perception:find_in_view",
+    call="codra_papers.lab.perception.functions:find_in_view",
     parameters={"machine": "centrifuge"},
     handles=("camera",),
     slots=("vision",),
@@ -36,7 +49,7 @@ FIND_CENTRIFUGE_IN_VIEW = Algorithm(
 
 LOCALIZE_CENTRIFUGE_LID = Algorithm(
     name="localize_centrifuge_lid",
-    call="codra_dsl.worlds.lab.perception:localize_lid",
+    call="codra_papers.lab.perception.functions:localize_lid",
     parameters={"machine": "centrifuge"},
     handles=("camera",),
     slots=("vision",),

@@ -6,14 +6,27 @@ Made by codra from specs/lab.yaml; edits are lost. Renew: codra compile specs/la
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence
 
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import Algorithm, ObserverModel, SkillModel, VariableModel, boolean, integer, real
-from codra_dsl.runtime.observer import Observer
+from codra_dsl.runtime.generated_api import (
+    Accept,
+    Algorithm,
+    ControlFlag,
+    DueOrRunning,
+    Identify,
+    Observer,
+    ObserverModel,
+    Perceive,
+    Precondition,
+    SkillModel,
+    VariableModel,
+    boolean,
+    integer,
+    real,
+    value,
+)
 
 LOCALIZE_CENTRIFUGE_ROTOR = Algorithm(
     name="localize_centrifuge_rotor",
-    call="codra_dsl.worlds.lab.perception:localize_rotor",
+    call="codra_papers.lab.perception.functions:localize_rotor",
     parameters={"machine": "centrifuge"},
     handles=("camera",),
     slots=("vision",),

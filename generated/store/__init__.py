@@ -7,10 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Never, TypeVar, overload
 
-from codra_dsl.runtime import Agent, Clock, ContextManager, Reading, Record
-from codra_dsl.runtime.mape.loop import Mape
-from codra_dsl.runtime.model import ContextModel
-from codra_dsl.runtime.trees.node import Leaves
+from codra_dsl.runtime.generated_api import Agent, Clock, ContextManager, ContextModel, EventLog, Leaves, Mape, Reading
 
 from . import store
 from .knowledge import (
@@ -303,7 +300,7 @@ def start(
     clock: Clock,
     resources: Mapping[str, object],
     seed: int = 0,
-    record: Record | None = None,
+    record: EventLog | None = None,
 ) -> Store:
     """Return the context manager; nothing is observed before it is declared or expected."""
     return Store(MODEL, clock=clock, resources=resources, seed=seed, record=record, knowledge=KNOWLEDGE)

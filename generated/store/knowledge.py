@@ -6,37 +6,38 @@ Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, Literal, Never, overload
 
-from codra_dsl.runtime import Reading
-from codra_dsl.runtime.conditions import Term
-from codra_dsl.runtime.geometry import Motion, Pose
-from codra_dsl.runtime.knowledge import (
-    Acting,
+from codra_dsl.runtime.generated_api import (
     AgentHandle,
-    Edge,
-    Handover,
-    Knowledge,
-    Node,
-    Request,
-    Snapshot,
-    Transaction,
-)
-from codra_dsl.runtime.knowledge.declarations import (
     AgentModel,
     AttributeModel,
+    Edge,
     EdgeModel,
     EdgeTypeModel,
+    Handover,
+    Knowledge,
     KnowledgeModel,
+    Motion,
+    Node,
     NodeModel,
     NodeTypeModel,
     Phase,
+    Pose,
+    Reading,
+    Request,
+    RuleExecution,
     RuleModel,
+    Snapshot,
     TaskModel,
+    Term,
+    Transaction,
     ViewModel,
+    boolean,
     by,
+    member,
     path,
+    real,
     some,
 )
-from codra_dsl.runtime.model import boolean, member, real
 
 AgentName = Literal[
     "localisation",
@@ -1005,7 +1006,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[LocalisationTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[LocalisationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[LocalisationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _CameraAgentWrites:
@@ -1047,7 +1048,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[CameraAgentTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[CameraAgentTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[CameraAgentTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _LasersWrites:
@@ -1094,7 +1095,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[LasersTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[LasersTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[LasersTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _PersonDetectionWrites:
@@ -1138,7 +1139,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[PersonDetectionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[PersonDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[PersonDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _ContainerDetectionWrites:
@@ -1180,7 +1181,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[ContainerDetectionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Literal["detecting"]) -> Acting[ContainerDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Literal["detecting"]) -> RuleExecution[ContainerDetectionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _WheelCheckWrites:
@@ -1222,7 +1223,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[WheelCheckTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Literal["checking"]) -> Acting[WheelCheckTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Literal["checking"]) -> RuleExecution[WheelCheckTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _NavigationWrites:
@@ -1269,7 +1270,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[NavigationTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Literal["navigating"]) -> Acting[NavigationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Literal["navigating"]) -> RuleExecution[NavigationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _TurningWrites:
@@ -1309,7 +1310,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[TurningTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Literal["rotating"]) -> Acting[TurningTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Literal["rotating"]) -> RuleExecution[TurningTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _ForkWrites:
@@ -1353,7 +1354,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[ForkTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Literal["lifting", "lowering"]) -> Acting[ForkTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Literal["lifting", "lowering"]) -> RuleExecution[ForkTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _PickerPageWrites:
@@ -1402,7 +1403,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[PickerPageTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[PickerPageTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[PickerPageTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _MissionWrites:
@@ -1456,7 +1457,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[MissionTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[MissionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[MissionTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _PickingWrites:
@@ -1510,7 +1511,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[PickingTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[PickingTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[PickingTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _AdaptationWrites:
@@ -1557,7 +1558,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[AdaptationTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[AdaptationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[AdaptationTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _AnalysisWrites:
@@ -1613,7 +1614,7 @@ if TYPE_CHECKING:
         def transaction(self) -> AbstractContextManager[AnalysisTransaction]:
             """Begin changes that become visible together, or not at all."""
 
-        def acting(self, rule: Never) -> Acting[AnalysisTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
+        def acting(self, rule: Never) -> RuleExecution[AnalysisTransaction]:  # type: ignore[override]  # takes fewer names, on purpose
             """Begin, by a `with` statement, an action of which a rule tells."""
 
     class _Reads:

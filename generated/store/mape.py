@@ -3,8 +3,8 @@
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
 
-from codra_dsl.runtime.conditions import choose, value
-from codra_dsl.runtime.mape.declarations import (
+from codra_dsl.runtime.generated_api import (
+    Bounds,
     CourseModel,
     HardRuleModel,
     InputModel,
@@ -16,9 +16,10 @@ from codra_dsl.runtime.mape.declarations import (
     StageModel,
     StageRuleModel,
     TreeModel,
+    choose,
+    terms,
+    value,
 )
-from codra_dsl.runtime.mape.fuzzy import terms
-from codra_dsl.runtime.mape.fuzzy.bounds import Bounds
 
 from . import action_engine, metric_engine, tree_mission, tree_picking
 

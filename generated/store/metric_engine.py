@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import math
 
-from codra_dsl.runtime.mape.fuzzy import bounded_outputs, bounds, defuzzifiers, hedges, norms, outputs, terms
-from codra_dsl.runtime.mape.fuzzy.bounds import BoundedInference, Bounds
-from codra_dsl.runtime.mape.fuzzy.outputs import Inference
+from codra_dsl.runtime.generated_api import (
+    BoundedInference,
+    Bounds,
+    Inference,
+    bounded_outputs,
+    bounds,
+    defuzzifiers,
+    hedges,
+    norms,
+    outputs,
+    terms,
+)
 
 INPUTS = (
     "bumped",

@@ -3,7 +3,7 @@
 Made by codra from specs/store.yaml; edits are lost. Renew: codra compile specs/store.yaml
 """
 
-from codra_dsl.runtime.model import ObserverModel, SkillModel, VariableModel, boolean, member, real
+from codra_dsl.runtime.generated_api import ObserverModel, SkillModel, VariableModel, boolean, member, real
 
 VARIABLES: tuple[VariableModel, ...] = (
     VariableModel(

@@ -5,11 +5,10 @@ Made by codra; edits are lost.
 
 from collections.abc import Callable, Mapping
 
-from codra_dsl.runtime.trees import (
+from codra_dsl.runtime.generated_api import (
     Conditions,
     Entry,
     Leaf,
-    Node,
     Subtree,
     Switch,
     create,
@@ -17,6 +16,7 @@ from codra_dsl.runtime.trees import (
     force_success,
     sequence,
 )
+from codra_dsl.runtime.generated_api import TreeNode as Node
 
 
 def global_management_tree() -> Node:

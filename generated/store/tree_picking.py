@@ -5,11 +5,10 @@ Made by codra; edits are lost.
 
 from collections.abc import Callable, Mapping
 
-from codra_dsl.runtime.trees import (
+from codra_dsl.runtime.generated_api import (
     Conditions,
     Entry,
     Leaf,
-    Node,
     Subtree,
     create,
     fallback,
@@ -19,6 +18,7 @@ from codra_dsl.runtime.trees import (
     script,
     sequence,
 )
+from codra_dsl.runtime.generated_api import TreeNode as Node
 
 
 def pick_up_management_tree() -> Node:

@@ -40,7 +40,12 @@ def environment(**settings: str) -> dict[str, str]:
     kept = {
         name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR", "GITHUB_ACTIONS")
     }
-    return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", **settings}
+    return {
+        **kept,
+        "PYTHONPATH": os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH")))),
+        "COLUMNS": "120",
+        **settings,
+    }
 
 
 def codra(*arguments: str, cwd: Path, stdin: str = "", **settings: str) -> subprocess.CompletedProcess[str]:

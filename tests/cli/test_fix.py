@@ -13,8 +13,8 @@ import pytest
 
 from codra_dsl.cli.fixes import fix, work_on_files
 from codra_dsl.compiler import Planned
-from codra_dsl.load.source import MAX_BYTES
-from codra_dsl.timings import UNTIMED
+from codra_dsl.language.load.yaml.source import MAX_BYTES
+from codra_dsl.workspace.timings import UNTIMED
 
 ROOT = Path(__file__).parents[2]
 SPEC = b"""\

@@ -274,7 +274,7 @@ def test_pipes_among_specs_are_not_waited_for(project: Path) -> None:
     named = codra("lint", "specs/pipe.yaml", cwd=project)
 
     assert below.stdout.count("\n") == 1
-    assert "'specs/pipe.yaml' is no file" in named.stdout
+    assert "'specs/pipe.yaml' is not a file" in named.stdout
 
 
 def test_a_path_that_leads_through_a_file_is_a_mistake_of_usage(project: Path) -> None:

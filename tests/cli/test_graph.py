@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from codra_dsl.tooling.report.graph_formats import FORMATS
 from tests.cli.test_commands import DOOR, codra
 
 ROOT = Path(__file__).parents[2]
@@ -51,7 +52,7 @@ def test_an_empty_part_is_an_empty_graph() -> None:
     assert (found, told) == ({"nodes": [], "edges": []}, "0 of 42 nodes\n")
 
 
-@pytest.mark.parametrize("format_", ["dot", "json", "mermaid", "svg", "html"])
+@pytest.mark.parametrize("format_", FORMATS)
 def test_an_empty_part_can_be_shown_in_each_form(project: Path, format_: str) -> None:
     done = codra("graph", "specs", "--select", "kind:skill,kind:observer", "--format", format_, cwd=project)
 

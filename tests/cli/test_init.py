@@ -13,7 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
-from codra_dsl.project import SCHEMA_COPY, SCHEMA_FILE
+from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE
 
 WRITTEN = {
     ".codra/schema.json",

@@ -93,12 +93,12 @@ def test_why_leads_from_unknown_to_the_condition_that_was_missing_with_its_line(
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.splitlines() == [
         "door_open is unknown (never_observed) at 1.5 s  [specs/door.yaml:8]",
-        "  nobody has identified it yet",
-        "  observer look_at_door runs since 0 s",
+        "  not identified yet",
+        "  observer look_at_door has been running since 0 s",
         "  declared since 0 s for expected",
         "  perception look_at_door cannot look  [specs/door.yaml:10]",
         "    door_near is unknown (never_observed) at 1.5 s  [specs/door.yaml:17]",
-        "      nobody has written it: for main_execution to write",
+        "      not written yet; main_execution writes it",
         "  missing: door_near = true",
     ]
 
@@ -108,7 +108,7 @@ def test_why_leads_from_a_value_to_its_evidence_with_the_lines_of_the_rules(proj
 
     assert done.returncode == 0
     assert "  perception look_at_door saw angle = 1 rad, edges = 4 (job 1)\n" in done.stdout
-    assert "    which makes it: angle > 0.5235987755982988  [specs/door.yaml:21]\n" in done.stdout
+    assert "    by the rule: angle > 0.5235987755982988  [specs/door.yaml:21]\n" in done.stdout
     assert "    light_level > 20 lux holds  [specs/door.yaml:16]\n" in done.stdout
     assert "        written by agent house at 1 s\n" in done.stdout
 
@@ -308,7 +308,7 @@ def test_a_file_of_another_kind_is_refused_without_a_traceback(project: Path, co
     done = codra(*command, "specs/door.yaml", cwd=project)
 
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "codra: specs/door.yaml is no file of MCAP\n"
+    assert done.stderr == "codra: specs/door.yaml is not an MCAP file\n"
 
 
 def test_the_journal_itself_is_never_the_target(project: Path) -> None:

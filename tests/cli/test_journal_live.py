@@ -15,7 +15,7 @@ ROBOT = """
 import sys
 from codra_dsl.runtime import Journal, WallClock
 from generated import kitchen
-from tests.kills.robot import ROOM
+from tests.campaigns.kills.robot import ROOM
 from types import SimpleNamespace
 with WallClock(start_s=100.0) as clock:
     codra = kitchen.start(clock=clock, resources={"kitchen": SimpleNamespace(**ROOM)}, record=Journal(sys.argv[1]))

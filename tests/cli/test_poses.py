@@ -98,12 +98,12 @@ def test_replay_finds_the_same_and_why_tells_who_placed_what(project: Path) -> N
     assert done.returncode == 0
     assert done.stdout.splitlines()[6:14] == [
         "    distance(robot, right) < 50 cm is true at 7 s  [specs/bay.yaml:26 (used at specs/bay.yaml:31)]",
-        "      so by poses since 6 s",
+        "      determined by poses since 6 s",
         "      world -robot_pose-> robot is true at 7 s  [specs/bay.yaml:12]",
-        "        drawn by agent navigation at 0 s, change 2",
+        "        inserted by agent navigation at 0 s, change 2",
         "        placed at (3.75, 0, 0) m by agent navigation at 6 s, change 13",
         "      world -right_pose-> right is true at 7 s  [specs/bay.yaml:14]",
-        "        there from the start, 0 s",
+        "        present from the start, 0 s",
         "        placed at (4, 0, 0) m from the start, 0 s",
     ]
 

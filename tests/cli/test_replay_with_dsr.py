@@ -35,12 +35,12 @@ DSR = """\
 
 PROGRAM = """\
 from codra_dsl.runtime import Journal, SimClock
-from codra_dsl.runtime.exchange import begun_with, read_dsr
+from codra_dsl.runtime.knowledge.exchange import import_dsr, read_dsr
 from generated import shop
 from generated.shop.knowledge import KNOWLEDGE
 
 clock = SimClock()
-start = begun_with(KNOWLEDGE, read_dsr("shop.json"))
+start = import_dsr(KNOWLEDGE, read_dsr("shop.json"))
 assert not start.foreign, start.foreign
 with shop.Shop(shop.MODEL, clock=clock, resources={}, record=Journal("run.mcap"), knowledge=start.model) as codra:
     codra.agent("navigation").graph.set("battery", "load", 79.5)

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from codra_dsl.cli.app import app
 from codra_dsl.compiler import plan_paths
-from codra_dsl.experiments.sweeping import Subject, held, subject, varied
-from codra_dsl.runtime.mape.sweep import Sweep, Trend, sweep, trend
+from codra_dsl.integrations.inspection.sweeps import Subject, held, subject, varied
+from codra_dsl.runtime.loops.sweep import Sweep, Trend, sweep, trend
 
 ROOT = Path(__file__).parents[2]
 STORE = ROOT / "specs/store.yaml"

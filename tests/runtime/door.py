@@ -11,12 +11,12 @@ from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence
 
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import value
-from codra_dsl.runtime.model import (
+from codra_dsl.runtime.observers.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
+from codra_dsl.runtime.observers.observer import Observer, ObserverModel
+from codra_dsl.runtime.values.conditions import value
+from codra_dsl.runtime.values.model import (
     Algorithm,
     ExpectationModel,
-    ObserverModel,
     ResourceModel,
     SkillModel,
     VariableModel,
@@ -24,7 +24,6 @@ from codra_dsl.runtime.model import (
     integer,
     real,
 )
-from codra_dsl.runtime.observer import Observer
 
 
 @dataclass

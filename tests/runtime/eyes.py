@@ -1,4 +1,4 @@
-"""What isolated perception algorithms call in tests: well and badly behaved, in a process of its own or in a thread."""
+"""Perception functions for tests of isolation, well and badly behaved, run in a separate process or in a thread."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 KEPT: list[bytes] = []
-"""What a process keeps from one job to the next."""
+"""Memory that a process keeps from one job to the next."""
 
 
 def counts(*, job: Any) -> dict[str, object]:
-    """Everything that `job` has, and how many jobs this process has done."""
+    """Use everything that `job` offers, and return the number of jobs that this process has executed."""
     start_s = job.now_s()
     KEPT.append(b"")
     job.sleep(job.random.uniform(0.1, 0.4))
@@ -50,7 +50,7 @@ def dies(*, job: Any) -> object:
 
 
 def dies_when_asked(*, pids: str, job: Any) -> object:
-    """Fine, but that it says who it is."""
+    """Work, and write the process ID to a file, so that a test can kill the process."""
     with Path(pids).open("a") as stream:
         stream.write(f"{os.getpid()}\n")
     return {"seen": True}
@@ -92,7 +92,7 @@ def keeps_100_mb(*, job: Any) -> object:
 
 
 def deaf(*, pids: str, job: Any) -> object:
-    """Ignores all signals, as do its children, one of which is a daemon; they eat cores."""
+    """Ignore all signals, also in the children, one of which is a daemon; all of them loop forever."""
     for number in range(1, signal.NSIG):
         if number not in (signal.SIGKILL, signal.SIGSTOP):
             try:
@@ -118,7 +118,7 @@ def floods_its_output(*, job: Any) -> object:
 
 
 def floods_its_connection(*, job: Any) -> object:
-    """Writes to whatever it finds open."""
+    """Write to every open descriptor."""
     while True:
         for descriptor in range(3, 20):
             try:
@@ -128,7 +128,7 @@ def floods_its_connection(*, job: Any) -> object:
 
 
 def sends_pickles(*, job: Any) -> object:
-    """What would run code in the program if it were unpickled."""
+    """Send a pickle that would run code in the program if the program unpickled it."""
     bad = b"cos\nsystem\n(S'echo bad'\ntR."
     return _sends(len(bad).to_bytes(4, "big") + bad)
 
@@ -149,7 +149,7 @@ def _sends(data: bytes) -> object:
 
 
 class Net:
-    """A class as a `call`: it writes down what it goes through."""
+    """A class as the target of `call`, which logs the calls of its methods."""
 
     def __init__(self) -> None:
         self.jobs = 0
@@ -173,10 +173,10 @@ class Net:
 
 class NetThatDies(Net):
     def perceive(self, *, log: str, job: Any, **_: Any) -> dict[str, object]:
-        found = super().perceive(log=log, job=job)
+        returned = super().perceive(log=log, job=job)
         if job.index == 1:
             os._exit(0)
-        return found
+        return returned
 
 
 class NeverSetUp:
@@ -188,7 +188,7 @@ class NeverSetUp:
 
 
 class SetUpLate:
-    """Whose first job comes to nothing, because setting up takes longer than a job may."""
+    """A class whose first job times out, because setting up takes longer than a job may."""
 
     def setup(self) -> None:
         time.sleep(0.5)

@@ -15,20 +15,12 @@ from py_trees.decorators import FailureIsSuccess
 
 from codra_dsl.logic import Term
 from codra_dsl.runtime import ContextManager, ContextModel, SimClock
-from codra_dsl.runtime.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
 from codra_dsl.runtime.clock import Clock
-from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.journal import Kind
-from codra_dsl.runtime.model import (
-    Algorithm,
-    ObserverModel,
-    ResourceModel,
-    SkillModel,
-    ValueType,
-    VariableModel,
-    boolean,
-)
-from codra_dsl.runtime.observer import Branch, Observer
+from codra_dsl.runtime.observers.behaviours import Accept, ControlFlag, DueOrRunning, Identify, Perceive, Precondition
+from codra_dsl.runtime.observers.observer import Branch, Observer, ObserverModel
+from codra_dsl.runtime.values.conditions import value
+from codra_dsl.runtime.values.model import Algorithm, ResourceModel, SkillModel, ValueType, VariableModel, boolean
 
 Find = Callable[[Any], object]
 

@@ -1,4 +1,4 @@
-"""Where things stand: rigid motions on the edges of a tree of frames, followed through time (P2, section 3.1)."""
+"""Geometry over time: rigid motions on the edges of a tree of frames (P2, section 3.1)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How one frame moved in its parent: stamped poses, and what they tell about an instant between or beyond them."""
+"""The motion of one frame in its parent: stamped poses, and poses at instants between and beyond them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from codra_dsl.runtime.geometry.pose import Pose
 
 
 class Outcome(IntEnum):
-    """How a pose at an instant was come by, the most trustworthy first: a chain is as good as its worst part."""
+    """How a pose at an instant was determined, most trustworthy first. The outcome of a chain is its worst part's."""
 
     EXACT = 0
     INTERPOLATED = 1
@@ -24,12 +24,12 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """What is declared of an edge.
+    """The declared motion of an edge.
 
     Attributes:
         history_s: how far back poses are kept, counted from the newest.
-        extrapolate_s: how far beyond the newest pose its motion is taken to go on.
-        valid_for_s: how long the newest pose is worth something: beyond, it is stale.
+        extrapolate_s: how far beyond the newest pose its motion is extrapolated.
+        valid_for_s: how long the newest pose is valid; then it is stale.
         is_static: whether the frame only moves in steps: then a pose holds, exactly, until the next one.
     """
 
@@ -42,20 +42,20 @@ class Motion:
 ANY_MOTION = Motion()
 
 LOOK_S = 0.01
-"""How often to ask where a frame stands whose motion is taken to go on."""
+"""The period for computing the pose of a frame while its motion is extrapolated."""
 
 _MOST_DROPPED = 64
-"""Poses in front of the history that lists hold at least until they are copied without them."""
+"""The minimum number of outdated poses in the lists before they are copied without these."""
 
 
-class Standing(NamedTuple):
-    """Where a frame stands at an instant.
+class Placement(NamedTuple):
+    """The parent and pose of a frame at an instant.
 
     Attributes:
-        parent: the frame in which it stands; None if in none.
-        pose: in the parent.
-        outcome: how the pose was come by.
-        gap_s: how far the instant is from the nearest pose that was measured.
+        parent: the parent of the frame; None if it has none.
+        pose: the pose in the parent.
+        outcome: how the pose was determined.
+        gap_s: the time between the instant and the nearest measured pose.
     """
 
     parent: str | None
@@ -65,16 +65,16 @@ class Standing(NamedTuple):
 
 
 class Track:
-    """The stamped poses of one frame, each in the parent and with the motion that it had then. It never changes.
+    """The stamped poses of one frame, each with its parent and motion at that time. Objects are immutable.
 
-    Tracks share their lists. One that is longer by a newer pose appends it to the list that the shorter one has, which
-    does not look beyond its own end; whatever else is changed makes new lists.
+    Tracks share their lists. Adding a newer pose appends it to the shared lists, which the shorter track only reads up
+    to its own end; any other change makes new lists.
     """
 
     __slots__ = ("_end", "_motions", "_parents", "_poses", "_stamps_s", "_start")
 
     def __init__(self) -> None:
-        """Know of no pose."""
+        """Begin without poses."""
         self._stamps_s: list[float] = []
         self._parents: list[str | None] = []
         self._poses: list[Pose] = []
@@ -92,19 +92,19 @@ class Track:
 
     @property
     def parent(self) -> str | None:
-        """Return the parent by the newest pose; None if the frame stands in nothing."""
+        """Return the parent of the newest pose; None if the frame has no parent."""
         return self._parents[self._end - 1] if self._end else None
 
     @property
     def motion(self) -> Motion:
-        """Return what is declared of the edge on which the frame stands now."""
+        """Return the declared motion of the frame's present edge."""
         return self._motions[self._end - 1]
 
     def with_pose(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> Track:
         """Return the track with one more pose.
 
-        One of the same instant is replaced, one that is older than the history is dropped. Tracks that share lists are
-        changed by one thread at a time.
+        A pose of the same instant is replaced; a pose that is older than the history is dropped. Only one thread at a
+        time may change tracks that share lists.
         """
         made = Track.__new__(Track)
         if (not self._end or stamp_s > self._stamps_s[self._end - 1]) and len(self._motions) == self._end:
@@ -112,7 +112,7 @@ class Track:
             made._stamps_s.append(stamp_s)
             made._parents.append(parent)
             made._poses.append(pose)
-            made._motions.append(motion)  # the last, by which a track sees that nobody has appended yet
+            made._motions.append(motion)  # appended last: its length shows whether another track has appended already
             made._end = self._end + 1
         else:
             made._copy(self)
@@ -120,26 +120,26 @@ class Track:
         made._drop_old()
         return made
 
-    def at(self, instant_s: float) -> Standing | None:
-        """Return where the frame stands at an instant; None if nothing is known of it."""
+    def at(self, instant_s: float) -> Placement | None:
+        """Return the placement of the frame at an instant; None if there is no pose."""
         stamps_s, start = self._stamps_s, self._start
         if start == self._end:
             return None
         last = bisect_right(stamps_s, instant_s, start, self._end) - 1
         if last < start:
-            return Standing(self._parents[start], self._poses[start], Outcome.CLAMPED, stamps_s[start] - instant_s)
+            return Placement(self._parents[start], self._poses[start], Outcome.CLAMPED, stamps_s[start] - instant_s)
         gap_s = instant_s - stamps_s[last]
         if gap_s == 0.0 or self._motions[last].is_static:
-            return Standing(self._parents[last], self._poses[last])
+            return Placement(self._parents[last], self._poses[last])
         if last + 1 < self._end and self._goes_on(last):
             return self._between(last, gap_s)
         return self._beyond(last, gap_s)
 
     def next_s(self, instant_s: float) -> float:
-        """Return when what is told of the present is next to be asked again though nothing more is said of the frame.
+        """Return when to compute the present placement again, if no further poses arrive.
 
-        That is `LOOK_S` later while its motion is taken to go on, and when that or its validity ends; infinite if it
-        stands still for good.
+        That is `LOOK_S` later while the motion is extrapolated, or when extrapolation or validity ends; infinite if the
+        placement no longer changes.
         """
         if self._start == self._end or self.motion.is_static or self.parent is None:
             return math.inf
@@ -148,14 +148,14 @@ class Track:
         if gap_s >= motion.valid_for_s:
             return math.inf
         stale_s = math.inf if motion.valid_for_s == math.inf else _first_at(newest_s, motion.valid_for_s)
-        is_told_to_move = last > self._start and self._goes_on(last - 1) and self._poses[last - 1] != self._poses[last]
-        if gap_s > motion.extrapolate_s or not is_told_to_move:
+        is_moving = last > self._start and self._goes_on(last - 1) and self._poses[last - 1] != self._poses[last]
+        if gap_s > motion.extrapolate_s or not is_moving:
             return stale_s
         stops_s = _first_at(newest_s, math.nextafter(motion.extrapolate_s, math.inf))
         return min(stale_s, stops_s, instant_s + LOOK_S)
 
     def spans(self, start_s: float, end_s: float) -> Iterator[tuple[float, float, str]]:
-        """Yield the parents from one instant until before another, each with the time for which it was the parent."""
+        """Yield the parents in a half-open interval, each with the time for which it was the parent."""
         first = max(self._start, bisect_right(self._stamps_s, start_s, self._start, self._end) - 1)
         for position in range(first, self._end):
             parent = self._parents[position]
@@ -165,7 +165,7 @@ class Track:
                 yield from_s, until_s, parent
 
     def reach(self, stamp_s: float) -> tuple[float, float]:
-        """Return from when until when a pose of an instant would say where the frame stands."""
+        """Return the interval in which a pose of an instant would determine the placement of the frame."""
         after, start = bisect_right(self._stamps_s, stamp_s, self._start, self._end), self._start
         is_first = after == start or (after == start + 1 and self._stamps_s[start] == stamp_s)
         return -math.inf if is_first else stamp_s, self._until_s(after - 1)
@@ -174,26 +174,26 @@ class Track:
         return self._stamps_s[position + 1] if position + 1 < self._end else math.inf
 
     def _goes_on(self, position: int) -> bool:
-        """Return whether the frame moves from one pose to the next, in one parent and in one way."""
+        """Return whether a pose and the next one have the same parent and motion."""
         motion, after = self._motions[position], self._motions[position + 1]
         return self._parents[position + 1] == self._parents[position] and (after is motion or after == motion)
 
-    def _between(self, last: int, gap_s: float) -> Standing:
+    def _between(self, last: int, gap_s: float) -> Placement:
         span_s = self._stamps_s[last + 1] - self._stamps_s[last]
         pose = self._poses[last].towards(self._poses[last + 1], gap_s / span_s)
-        return Standing(self._parents[last], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
+        return Placement(self._parents[last], pose, Outcome.INTERPOLATED, min(gap_s, span_s - gap_s))
 
-    def _beyond(self, last: int, gap_s: float) -> Standing:
-        """Return where the frame stands some time after its last pose in a parent."""
+    def _beyond(self, last: int, gap_s: float) -> Placement:
+        """Return the placement of the frame some time after its last pose in a parent."""
         parent, pose, motion = self._parents[last], self._poses[last], self._motions[last]
         if gap_s >= motion.valid_for_s:
-            return Standing(parent, pose, Outcome.STALE, gap_s)
+            return Placement(parent, pose, Outcome.STALE, gap_s)
         if gap_s > motion.extrapolate_s:
-            return Standing(parent, pose, Outcome.CLAMPED, gap_s)
+            return Placement(parent, pose, Outcome.CLAMPED, gap_s)
         if last > self._start and self._goes_on(last - 1):
             span_s = self._stamps_s[last] - self._stamps_s[last - 1]
             pose = self._poses[last - 1].towards(pose, 1.0 + gap_s / span_s)
-        return Standing(parent, pose, Outcome.EXTRAPOLATED, gap_s)
+        return Placement(parent, pose, Outcome.EXTRAPOLATED, gap_s)
 
     def _share_with(self, other: Track, start: int) -> None:
         other._stamps_s, other._parents = self._stamps_s, self._parents
@@ -207,7 +207,7 @@ class Track:
         self._start, self._end = 0, len(self._stamps_s)
 
     def _put(self, stamp_s: float, parent: str | None, pose: Pose, motion: Motion) -> None:
-        """Put a pose into lists of its own."""
+        """Insert a pose into the lists of this track, which no other track shares."""
         position = bisect_left(self._stamps_s, stamp_s)
         end = position + (position < self._end and self._stamps_s[position] == stamp_s)
         self._stamps_s[position:end] = [stamp_s]
@@ -217,7 +217,7 @@ class Track:
         self._end = len(self._stamps_s)
 
     def _drop_old(self) -> None:
-        """Drop what is older than the history, but for the last pose before it: it tells where the history begins."""
+        """Drop poses older than the history, except for the last one before it, which holds at its begin."""
         begin_s = self._stamps_s[self._end - 1] - self._motions[self._end - 1].history_s
         self._start = max(self._start, bisect_right(self._stamps_s, begin_s, self._start, self._end) - 1)
         if self._start > _MOST_DROPPED and self._start > self._end // 2:
@@ -225,7 +225,7 @@ class Track:
 
 
 def _first_at(stamp_s: float, gap_s: float) -> float:
-    """Return the first instant that is some time after another, by what subtracting them gives."""
+    """Return the first instant whose floating-point difference to another is at least a duration."""
     instant_s = stamp_s + gap_s
     while instant_s - stamp_s < gap_s:
         instant_s = math.nextafter(instant_s, math.inf)

@@ -1,7 +1,7 @@
 """Rigid motions, SE(3): a rotation and then a translation. Lengths are in metres, angles in radians.
 
-Rotations are unit quaternions (w, x, y, z), Hamilton's, acting on column vectors: the same as the 4 x 4 matrices that
-P2 multiplies along RT edges, with less to compute and nothing that drifts out of SO(3) unnoticed.
+Rotations are unit quaternions (w, x, y, z) in Hamilton's convention, acting on column vectors. They are equivalent to
+the 4 x 4 matrices that P2 multiplies along RT edges, need less computation, and cannot drift out of SO(3) unnoticed.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ NO_TRANSLATION: Vector = (0.0, 0.0, 0.0)
 NO_ROTATION: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 _NEARLY_PARALLEL = 1.0 - 1e-9
-"""Cosine beyond which slerp's sine divides by next to nothing, and the straight line is as good."""
+"""The cosine beyond which slerp would divide by almost zero, and linear interpolation is as good."""
 
 _SMALLEST_NORM = 1e-9
 _ORTHONORMAL = 1e-6
 
 _UNIT = 1e-12
-"""How far the square of a unit quaternion's norm may be from 1: products of many are that far."""
+"""The tolerance for the squared norm of a unit quaternion; products of many quaternions deviate that far from 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where one frame stands in another: p_outer = R(rotation) p_inner + translation.
+    """The pose of one frame in another: p_outer = R(rotation) p_inner + translation.
 
     Attributes:
-        translation_m: of the inner frame's origin, in the outer frame.
+        translation_m: the translation of the inner frame's origin, in the outer frame.
         rotation: a unit quaternion (w, x, y, z), from the inner to the outer frame's axes.
     """
 
@@ -42,20 +42,20 @@ class Pose:
 
     @classmethod
     def of(cls, translation_m: Sequence[float] = NO_TRANSLATION, rotation: Sequence[float] = NO_ROTATION) -> Pose:
-        """Return a pose of checked numbers; the quaternion is made a unit one.
+        """Return a pose of checked numbers; the quaternion is normalized.
 
         Raises:
-            ValueError: if there are not 3 and 4 finite numbers, or the quaternion is next to zero.
+            ValueError: if there are not 3 and 4 finite numbers, or the quaternion is almost zero.
         """
         x, y, z = _finite(translation_m, 3, "a translation")
         w, i, j, k = _finite(rotation, 4, "a quaternion")
         return cls((x, y, z), _unit((w, i, j, k)))
 
     def checked(self) -> Pose:
-        """Return this pose, if it is a rigid motion in numbers that stay; else what `of` makes of it.
+        """Return this pose, if it is a rigid motion of immutable numbers, or else the pose that `of` returns for it.
 
         Raises:
-            ValueError: if it is none, as `of` does.
+            ValueError: if it is not a rigid motion, as `of` does.
         """
         moved, turned = self.translation_m, self.rotation
         if type(moved) is tuple is type(turned) and len(moved) == 3 and len(turned) == 4:
@@ -72,24 +72,24 @@ class Pose:
 
     @classmethod
     def about(cls, axis: Sequence[float], angle_rad: float, translation_m: Sequence[float] = NO_TRANSLATION) -> Pose:
-        """Return the pose that turns about an axis, by the right hand, and then moves.
+        """Return the pose that turns about an axis, by the right-hand rule, and then translates.
 
         Raises:
-            ValueError: if the axis is next to zero, or a number is not finite.
+            ValueError: if the axis is almost zero, or a number is not finite.
         """
         direction = _finite(axis, 3, "an axis")
         length = math.hypot(*direction)
         if length < _SMALLEST_NORM:
-            raise ValueError("an axis has a direction: not all of its numbers are 0")
+            raise ValueError("an axis needs a direction: its numbers must not all be 0")
         half_rad, scale = angle_rad / 2.0, math.sin(angle_rad / 2.0) / length
-        return cls.of(translation_m, (math.cos(half_rad), *(scale * each for each in direction)))
+        return cls.of(translation_m, (math.cos(half_rad), *(scale * component for component in direction)))
 
     @classmethod
     def from_matrix(cls, matrix: Sequence[Sequence[float]]) -> Pose:
         """Return the pose of a homogeneous 4 x 4 matrix.
 
         Raises:
-            ValueError: if it is none of SE(3).
+            ValueError: if it is not in SE(3).
         """
         rows = [_finite(row, 4, "a row of the matrix") for row in matrix]
         if len(rows) != 4 or not _is_rigid(rows):
@@ -108,41 +108,41 @@ class Pose:
         )
 
     def __matmul__(self, inner: Pose) -> Pose:
-        """Return where what stands at `inner` in this frame stands outside of it."""
+        """Return the pose in the outer frame of a frame whose pose in this frame is `inner`."""
         ix, iy, iz = _turned(self.rotation, inner.translation_m)
         tx, ty, tz = self.translation_m
         return _pose((tx + ix, ty + iy, tz + iz), _product(self.rotation, inner.rotation))
 
     def inverse(self) -> Pose:
-        """Return where the outer frame stands in the inner one."""
+        """Return the pose of the outer frame in the inner one."""
         w, x, y, z = self.rotation
         back = (w, -x, -y, -z)
         tx, ty, tz = _turned(back, self.translation_m)
         return _pose((-tx, -ty, -tz), back)
 
     def apply(self, point_m: Vector) -> Vector:
-        """Return in the outer frame a point that is given in the inner one."""
+        """Return the coordinates in the outer frame of a point given in the inner one."""
         x, y, z = _turned(self.rotation, point_m)
         tx, ty, tz = self.translation_m
         return (tx + x, ty + y, tz + z)
 
     def towards(self, other: Pose, share: float) -> Pose:
-        """Return the pose at a share of the way to another: straight, and by the shortest turn at a constant rate.
+        """Return an interpolated pose, with a straight translation and the shortest rotation at a constant rate.
 
         Args:
-            other: where the way leads.
-            share: 0 is this pose, 1 the other; below and beyond, the same motion goes on.
+            other: the other pose.
+            share: 0 is this pose, 1 the other; outside of [0, 1], the motion is extrapolated.
         """
         a, b = self.translation_m, other.translation_m
         moved = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2]))
         return _pose(moved, _slerp(self.rotation, other.rotation, share))
 
     def distance_m(self, other: Pose) -> float:
-        """Return how far apart two origins are."""
+        """Return the distance between the two origins."""
         return math.dist(self.translation_m, other.translation_m)
 
     def angle_rad(self, other: Pose) -> float:
-        """Return the smallest turn between two rotations, from 0 to pi."""
+        """Return the smallest angle between two rotations, from 0 to pi."""
         w, x, y, z = _product(Pose((0.0, 0.0, 0.0), self.rotation).inverse().rotation, other.rotation)
         return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))
 
@@ -152,14 +152,14 @@ IDENTITY = Pose()
 
 @dataclass(slots=True)
 class _Draft:
-    """The fields of a pose, in the same order, before it is frozen."""
+    """The fields of a pose, in the same order, before it becomes immutable."""
 
     translation_m: Vector
     rotation: Quaternion
 
 
 def _pose(translation_m: Vector, rotation: Quaternion) -> Pose:
-    """Return a pose, in half of the time: a frozen class sets each of its fields by a call."""
+    """Return a pose in half the time of its constructor: a frozen class sets each of its fields by a call."""
     made: Any = _Draft(translation_m, rotation)
     made.__class__ = Pose
     frozen: Pose = made
@@ -167,7 +167,7 @@ def _pose(translation_m: Vector, rotation: Quaternion) -> Pose:
 
 
 def chained(poses: Sequence[Pose]) -> Pose:
-    """Return where the first frame stands in the last, of one or more poses, each in the frame of the next."""
+    """Return the pose of the first frame in the last, given one or more poses, each in the frame of the next."""
     (x, y, z), rotation = poses[0].translation_m, poses[0].rotation
     for pose in poses[1:]:
         by, (tx, ty, tz) = pose.rotation, pose.translation_m
@@ -200,7 +200,7 @@ def _slerp(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     cosine = aw * bw + ax * bx + ay * by + az * bz
-    sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one on the shorter way
+    sign = -1.0 if cosine < 0.0 else 1.0  # q and -q are the same rotation: take the one with the shorter turn
     cosine = abs(cosine)
     if cosine > _NEARLY_PARALLEL:
         of_a, of_b = 1.0 - share, share
@@ -216,18 +216,18 @@ def _unit(quaternion: Quaternion) -> Quaternion:
     w, x, y, z = quaternion
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if not norm > _SMALLEST_NORM:
-        raise ValueError("a quaternion of a rotation is not zero")
+        raise ValueError("a rotation needs a quaternion that is not zero")
     return (w / norm, x / norm, y / norm, z / norm)
 
 
 def _finite(numbers: Sequence[float], count: int, what: str) -> list[float]:
     try:
-        found = [float(each) for each in numbers]
+        finite = [float(number) for number in numbers]
     except (TypeError, ValueError, OverflowError):
-        found = []
-    if len(found) != count or not all(map(isfinite, found)):
+        finite = []
+    if len(finite) != count or not all(map(isfinite, finite)):
         raise ValueError(f"{what} has {count} finite numbers, not {numbers!r}")
-    return found
+    return finite
 
 
 def _is_rigid(rows: list[list[float]]) -> bool:
@@ -240,7 +240,7 @@ def _is_rigid(rows: list[list[float]]) -> bool:
 
 
 def _quaternion_of(rows: list[list[float]]) -> Quaternion:
-    """Return the quaternion of a rotation matrix, divided by its largest part, so that nothing cancels out."""
+    """Return the quaternion of a rotation matrix, from its largest component, to avoid cancellation."""
     (a, b, c, _), (d, e, f, _), (g, h, i, _) = rows[:3]
     candidates = (
         (1 + a + e + i, h - f, c - g, d - b),
@@ -248,7 +248,7 @@ def _quaternion_of(rows: list[list[float]]) -> Quaternion:
         (c - g, b + d, 1 - a + e - i, f + h),
         (d - b, c + g, f + h, 1 - a - e + i),
     )
-    return max(candidates, key=lambda each: _dot(each, each))
+    return max(candidates, key=lambda candidate: _dot(candidate, candidate))
 
 
 def _dot(a: Sequence[float], b: Sequence[float]) -> float:

@@ -1,8 +1,8 @@
-"""The journal of a run: every change of a variable, every start and stop, every job and decision, in order."""
+"""The journal of a run: an ordered log of changes of variables, starts and stops, jobs and decisions."""
 
 from __future__ import annotations
 
+from codra_dsl.runtime.journal.event_log import EventLog, EventWriter
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.record import Record, Scribe
 
-__all__ = ["Event", "Kind", "Record", "Scribe"]
+__all__ = ["Event", "EventLog", "EventWriter", "Kind"]

@@ -1,6 +1,6 @@
-"""Events as the JSON of a journal's messages, and back, without loss.
+"""Encode events as the JSON of a journal's messages, and decode them without loss.
 
-What is None is left out. A number that is not finite becomes `1e999`, which is JSON and reads as infinity.
+Details that are None are left out. An infinite number becomes `1e999`, which is valid JSON and is parsed as infinity.
 """
 
 from __future__ import annotations
@@ -10,18 +10,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.schemas import TOPICS, Kind
 
 _encoded = json.JSONEncoder(ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode
 
-_SHARED = frozenset({Kind.INPUT, Kind.KNOWLEDGE, Kind.ADAPTATION})
+_SHARED = frozenset(kind for kind, topic in TOPICS.items() if topic.is_shared)
 """Kinds whose events share one topic."""
 
 _SCALARS = frozenset({bool, int, float, str})
 
 
 def message_of(event: Event) -> bytes:
-    """Return the JSON text of an event; its kind is that of the topic."""
+    """Return the JSON text of an event, without its kind, which the topic determines."""
     plain: dict[str, Any] = {"instant_s": event.instant_s, "name": event.name, "what": event.what}
     for key, detail in event.details.items():
         if type(detail) in _SCALARS:
@@ -36,7 +37,7 @@ def message_of(event: Event) -> bytes:
 
 
 def _make_uniform(kind: Kind, plain: dict[str, Any]) -> None:
-    """Give the fields that events on one topic share one type each."""
+    """Give each field that events on a shared topic have in common a single type."""
     if "value" in plain:
         plain["value"] = json_text(plain["value"])
     if kind is Kind.INPUT and isinstance(plain.get("evidence_s"), float):
@@ -44,10 +45,10 @@ def _make_uniform(kind: Kind, plain: dict[str, Any]) -> None:
 
 
 def event_of(kind: Kind, data: bytes) -> Event:
-    """Return the event of a message.
+    """Return the event that a message encodes.
 
     Raises:
-        ValueError: if it is none; KeyError and TypeError likewise.
+        ValueError, KeyError, TypeError: if the message does not encode an event.
     """
     plain = json.loads(data)
     instant_s, name, what = plain.pop("instant_s"), plain.pop("name"), plain.pop("what")
@@ -57,7 +58,7 @@ def event_of(kind: Kind, data: bytes) -> Event:
 
 
 def bytes_of(text: str) -> bytes:
-    """Return JSON in UTF-8; half a character, which UTF-8 cannot hold, is written as JSON escapes it."""
+    """Return JSON text in UTF-8; lone surrogates, which UTF-8 cannot encode, are written as JSON escapes."""
     return text.encode("utf-8", "backslashreplace")
 
 
@@ -66,14 +67,14 @@ def json_text(value: Any) -> str:
     try:
         return _encoded(value)
     except ValueError:  # a number that is not finite
-        return _spelt_out(value)
+        return _encode_nonfinite(value)
 
 
-def _spelt_out(value: Any) -> str:
+def _encode_nonfinite(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{json.dumps(key)}:{_spelt_out(part)}" for key, part in value.items()) + "}"
+        return "{" + ",".join(f"{json.dumps(key)}:{_encode_nonfinite(part)}" for key, part in value.items()) + "}"
     if isinstance(value, (list, tuple)):
-        return "[" + ",".join(map(_spelt_out, value)) + "]"
+        return "[" + ",".join(map(_encode_nonfinite, value)) + "]"
     if isinstance(value, float) and not math.isfinite(value):
         return "null" if value != value else "1e999" if value > 0 else "-1e999"
     return json.dumps(value, ensure_ascii=False)

@@ -1,4 +1,4 @@
-"""What an event is."""
+"""Events of a run and their kinds."""
 
 from __future__ import annotations
 
@@ -6,38 +6,23 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Any
 
+from codra_dsl.runtime.journal.schemas import Kind
 
-class Kind(StrEnum):
-    """What an event is about.
-
-    An `INPUT` is what reached the context manager from outside and follows from nothing else: a call of a program, or
-    that a job's function has come to its end. From inputs and evidence all else follows; only journals hold them.
-    """
-
-    VARIABLE = "variable"
-    OBSERVER = "observer"
-    JOB = "job"
-    DECISION = "decision"
-    DECLARATION = "declaration"
-    EXPECTATION = "expectation"
-    KNOWLEDGE = "knowledge"
-    ADAPTATION = "adaptation"
-    INPUT = "input"
+__all__ = ["Event", "Kind"]
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened.
+    """Something that happened during a run.
 
     Attributes:
-        instant_s: when.
-        name: of the variable, observer or algorithm; of knowledge, a node, `node.attribute`, an edge, or a task; of
-            adaptation, a loop, course, parameter or tree; of an input, who it came from.
-        what: what happened to it, e.g. `started`, `identified`, `fell_back`.
-        details: plain values, by a name that is no other attribute's.
+        instant_s: the instant at which it happened.
+        name: the variable, observer or algorithm; for knowledge, a node, `node.attribute`, an edge or a task; for
+            adaptation, a loop, course, parameter or tree; for an input, its sender.
+        what: what happened, e.g. `started`, `identified`, `fell_back`.
+        details: plain values by name; a name differs from those of the other attributes.
     """
 
     instant_s: float
@@ -47,7 +32,7 @@ class Event:
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def as_json(self) -> str:
-        """Return the event as one line; numbers that are not finite become null."""
+        """Return the event as one line of JSON; numbers that are not finite become null."""
         plain = {"instant_s": self.instant_s, "kind": self.kind, "name": self.name, "what": self.what}
         return json.dumps(plain | _finite(self.details), ensure_ascii=False, allow_nan=False)
 

@@ -1,12 +1,12 @@
-"""A file of MCAP's format (https://mcap.dev/spec) that loses nothing when its writer is killed.
+"""A file in MCAP format (https://mcap.dev/spec) that loses nothing when its writer is killed.
 
-Messages go into compressed chunks. A chunk that is not full yet exists only in memory, so each of its records is also
-put, by one write to the operating system, into a region before all chunks that is as large as one of them. When
-the chunk itself is written, that region begins anew. The region is one record whose opcode MCAP leaves to applications:
-every reader skips it. In a finished file it is empty.
+Messages go into compressed chunks. A chunk that is not full yet exists only in memory, so one write to the operating
+system also puts each of its records into a region before all chunks. This region is as large as one chunk. When the
+chunk itself is written, the region is filled from its start again. The region is one record whose opcode MCAP leaves
+to applications, so every reader skips it. In a finished file it is empty.
 
-A record in the region is framed by its length, a checksum, and the offset at which its chunk will stand. If a whole
-chunk stands there, the region has nothing to add.
+In the region, each record is preceded by its length, a checksum, and the offset at which its chunk will be written. If
+the file holds a complete chunk at that offset, readers ignore the region.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, McapRecord, Schema
 from mcap.writer import Writer
 
-from codra_dsl.runtime.journal.opening import check_is_there
+from codra_dsl.runtime.journal.file_lock import check_is_there
 
 OPEN_CHUNK = 0x80
 """The opcode of the record that holds the chunk which is not full yet."""
 
 CHUNK_BYTES = 1 << 16
-"""How much is compressed together at most, and how large the region is."""
+"""The maximum size of the records that are compressed together, and the size of the region."""
 
 RECORD = struct.Struct("<BQ")
 _FRAME = struct.Struct("<IIQ")
@@ -41,12 +41,12 @@ class McapFile:
     """A journal's file while it is written."""
 
     def __init__(self, stream: BinaryIO, metadata: Mapping[str, Mapping[str, str]], files: Mapping[str, bytes]) -> None:
-        """Write what stands before all messages.
+        """Write the start of the file, before all messages.
 
         Args:
-            stream: an empty file that can be read and written at any place.
-            metadata: what tools show of the file, by name.
-            files: JSON texts that it carries, by name.
+            stream: an empty file that supports reading, writing and seeking.
+            metadata: metadata that tools show about the file, by name.
+            files: JSON texts to attach, by name.
         """
         self._stream = stream
         writer: Any = Writer(stream, chunk_size=_ALL_CHUNKS_BYTES)
@@ -78,7 +78,7 @@ class McapFile:
         return number
 
     def add(self, channel: int, log_ns: int, publish_ns: int, sequence: int, data: bytes) -> None:
-        """Write a message; when this returns, no death of the process takes it away.
+        """Write a message; once this returns, the message survives the death of the process.
 
         Raises:
             OSError: if it cannot be written, or the file was removed.
@@ -91,7 +91,7 @@ class McapFile:
         self._keep(record)
 
     def finish(self) -> None:
-        """Write the summary, by which readers find their way, and leave nothing in the region.
+        """Write the summary, which readers use as an index, and clear the region.
 
         Raises:
             OSError: if it cannot be written, or the file was removed.
@@ -102,7 +102,7 @@ class McapFile:
         check_is_there(self._stream)
 
     def _keep(self, record: bytes) -> None:
-        """Put a record of the open chunk into the region; if it does not fit, end the chunk as soon as it can be."""
+        """Put a record of the open chunk into the region; if it does not fit, end the chunk as soon as possible."""
         if self._has_room(record):
             frame = _FRAME.pack(len(record), _checksum(self._chunk, record), self._chunk) + record
             os.pwrite(self._stream.fileno(), frame, self._region + self._used)
@@ -133,14 +133,14 @@ def _checksum(chunk: int, record: bytes) -> int:
 
 
 def kept_records(region: bytes) -> tuple[int, bytes]:
-    """Return what the region of a file holds: where its chunk will stand, and its records one after the other."""
+    """Return the content of a file's region: the offset of its chunk, and its records, concatenated."""
     records, at, chunk = bytearray(), 0, None
     while at + _FRAME.size <= len(region):
         length, checksum, offset = _FRAME.unpack_from(region, at)
         at += _FRAME.size
         record = region[at : at + length]
-        is_whole = 0 < length == len(record) and checksum == _checksum(offset, record)
-        if not is_whole or offset != (offset if chunk is None else chunk):
+        is_complete = 0 < length == len(record) and checksum == _checksum(offset, record)
+        if not is_complete or offset != (offset if chunk is None else chunk):
             break
         chunk = offset
         records += record

@@ -1,4 +1,4 @@
-"""Making a whole journal of what a torn one holds."""
+"""Write a complete journal with the content of a torn one."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from codra_dsl.runtime.journal.mcap_file import McapFile
-from codra_dsl.runtime.journal.reading import Damage, JournalReader, Note
+from codra_dsl.runtime.journal.reader import Damage, JournalReader, RawMessage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovery:
-    """What came of a recovery.
+    """The result of a recovery.
 
     Attributes:
-        messages: how many there are.
-        from_s: when the first was written; 0 if there are none.
-        to_s: when the last was.
-        damage: what the torn journal lacks.
-        is_live: whether its program still wrote it.
+        messages: the number of messages.
+        from_s: the instant at which the first message was written; 0 if the journal has no messages.
+        to_s: the instant at which the last message was written.
+        damage: the missing and unreadable parts of the torn journal.
+        is_live: whether its program was still writing the torn journal.
     """
 
     messages: int
@@ -29,26 +29,26 @@ class Recovery:
 
 
 def recover(path: Path, target: Path) -> Recovery:
-    """Write a whole journal with all that another holds.
+    """Write a complete journal with all content of another journal.
 
-    It is the same, byte for byte, as if the writer had finished it after the last event that is there.
+    The result equals, byte for byte, the file of a writer that finished after the last event in the other journal.
 
     Args:
-        path: the journal, torn or not; it stays as it is.
-        target: the file to write; it is replaced when it is there.
+        path: the journal, torn or not; it is not changed.
+        target: the file to write; an existing file is replaced.
 
     Raises:
-        JournalError: if it is no journal.
+        JournalError: if the file is not a journal.
         OSError: if it cannot be read, or the target cannot be written.
     """
-    made = target.with_name(f"{target.name}.part")
+    part = target.with_name(f"{target.name}.part")
     try:
-        with JournalReader(path) as reader, made.open("w+b") as stream:
-            reader.head()
+        with JournalReader(path) as reader, part.open("w+b") as stream:
+            reader.header()
             count, first_ns, last_ns = _copy(reader, McapFile(stream, reader.metadata, reader.files))
-        made.replace(target)
+        part.replace(target)
     except BaseException:
-        made.unlink(missing_ok=True)
+        part.unlink(missing_ok=True)
         raise
     return Recovery(
         messages=count,
@@ -60,21 +60,21 @@ def recover(path: Path, target: Path) -> Recovery:
 
 
 def _copy(reader: JournalReader, file: McapFile) -> tuple[int, int, int]:
-    """Copy all messages and finish; return how many there are, and the times of the first and the last."""
+    """Copy all messages and finish the file; return their number, and the times of the first and the last."""
     schemas: dict[int, int] = {}
     channels: dict[int, int] = {}
     count, first_ns, last_ns = 0, 0, 0
     for note in reader.notes():
-        one = note.message
+        message = note.message
         channel = _channel(note, file, schemas, channels)
-        file.add(channel, one.log_time, one.publish_time, one.sequence, one.data)
-        first_ns, last_ns = first_ns if count else one.log_time, one.log_time
+        file.add(channel, message.log_time, message.publish_time, message.sequence, message.data)
+        first_ns, last_ns = first_ns if count else message.log_time, message.log_time
         count += 1
     file.finish()
     return count, first_ns, last_ns
 
 
-def _channel(note: Note, file: McapFile, schemas: dict[int, int], channels: dict[int, int]) -> int:
+def _channel(note: RawMessage, file: McapFile, schemas: dict[int, int], channels: dict[int, int]) -> int:
     schema, channel = note.schema, note.channel
     if channel.id not in channels:
         if schema.id not in schemas:

@@ -2,44 +2,90 @@
 
 from __future__ import annotations
 
-from codra_dsl.runtime.agents import AgentTakenError
-from codra_dsl.runtime.knowledge.acting import Acting, Became, RuleError
-from codra_dsl.runtime.knowledge.declarations import KnowledgeModel
-from codra_dsl.runtime.knowledge.draft import AbsentError, PresentError
+from codra_dsl.runtime.errors import AgentTakenError
+from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, Transaction
+from codra_dsl.runtime.knowledge.change_set import AbsentError, PresentError
+from codra_dsl.runtime.knowledge.context_link import ContextLink
+from codra_dsl.runtime.knowledge.declarations import (
+    AgentModel,
+    AttributeModel,
+    Direction,
+    EdgeModel,
+    EdgeTypeModel,
+    KnowledgeModel,
+    NodeModel,
+    NodeTypeModel,
+    Path,
+    Phase,
+    RuleModel,
+    TaskModel,
+    ViewModel,
+    Writer,
+    absent,
+    anything,
+    backward,
+    by,
+    distance,
+    in_view,
+    path,
+    ranked,
+    some,
+)
 from codra_dsl.runtime.knowledge.elements import Edge, Node
+from codra_dsl.runtime.knowledge.graph_schema import Stage, nodes_of_variables
 from codra_dsl.runtime.knowledge.handshake import ConflictError
 from codra_dsl.runtime.knowledge.knowledge import Knowledge
 from codra_dsl.runtime.knowledge.matching import Match
-from codra_dsl.runtime.knowledge.rights import OutrankedError, Refusal
-from codra_dsl.runtime.knowledge.sharing import Sharing
+from codra_dsl.runtime.knowledge.permissions import OutrankedError, Refusal
+from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution, RuleState
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import Handover, Request
-from codra_dsl.runtime.knowledge.watching import Change
-from codra_dsl.runtime.knowledge.words import Stage, nodes_of_variables
-from codra_dsl.runtime.knowledge.writing import AgentHandle, Transaction
+from codra_dsl.runtime.knowledge.watches import Change
 
 __all__ = [
     "AbsentError",
-    "Acting",
     "AgentHandle",
+    "AgentModel",
     "AgentTakenError",
-    "Became",
+    "AttributeModel",
     "Change",
     "ConflictError",
+    "ContextLink",
+    "Direction",
     "Edge",
+    "EdgeModel",
+    "EdgeTypeModel",
     "Handover",
     "Knowledge",
     "KnowledgeModel",
     "Match",
     "Node",
+    "NodeModel",
+    "NodeTypeModel",
     "OutrankedError",
+    "Path",
+    "Phase",
     "PresentError",
     "Refusal",
     "Request",
     "RuleError",
-    "Sharing",
+    "RuleExecution",
+    "RuleModel",
+    "RuleState",
     "Snapshot",
     "Stage",
+    "TaskModel",
     "Transaction",
+    "ViewModel",
+    "Writer",
+    "absent",
+    "anything",
+    "backward",
+    "by",
+    "distance",
+    "in_view",
     "nodes_of_variables",
+    "path",
+    "ranked",
+    "some",
 ]

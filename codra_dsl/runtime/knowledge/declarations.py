@@ -14,7 +14,7 @@ from enum import StrEnum
 
 from codra_dsl.logic import Term, Value, value
 from codra_dsl.runtime.geometry import IDENTITY, Motion, Pose
-from codra_dsl.runtime.model import ValueType
+from codra_dsl.runtime.values.model import ValueType
 
 RT = "RT"
 """The label of edges that hold rigid motions."""
@@ -238,12 +238,12 @@ class Path:
     links: tuple[Link, ...]
 
     def __str__(self) -> str:
-        words = [_place_text(self.places[0])]
+        schema = [_place_text(self.places[0])]
         for link, place in zip(self.links, self.places[1:], strict=True):
             is_forward = link.direction is Direction.FORWARD
-            words.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
-            words.append(_place_text(place))
-        return " ".join(words)
+            schema.append(f"-{link.edge}->" if is_forward else f"<-{link.edge}-")
+            schema.append(_place_text(place))
+        return " ".join(schema)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,23 +6,38 @@ Histories become longer. To whoever sees one version of the graph, none of it ev
 from __future__ import annotations
 
 from bisect import bisect_right, insort_right
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from operator import itemgetter
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar, cast
+from typing import Any, NamedTuple, Self, TypeVar, cast
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reading, Reason, known_reading
-from codra_dsl.runtime.model import NotOfTypeError
-
-if TYPE_CHECKING:
-    from codra_dsl.runtime.knowledge.words import Attribute
+from codra_dsl.runtime.knowledge.declarations import AttributeModel
+from codra_dsl.runtime.knowledge.permissions import Permissions
+from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.values.model import NotOfTypeError
 
 _MOST_DROPPED = 64
 """Readings in front of the past that a history holds at least until there is another without them."""
 
 _ALWAYS = -1
 """Comes before the version of every graph."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """An attribute as it is declared, and who may write it.
+
+    Attributes:
+        convert: as `ValueType.convert`.
+        variable: the context-variable that it is; empty if it is none.
+    """
+
+    model: AttributeModel
+    permissions: Permissions
+    convert: Callable[[object], Value | None]
+    variable: str = ""
 
 
 class History:
@@ -74,10 +89,10 @@ class History:
             raise ValueError(f"evidence for {self.subject} was taken at {now_s} at the latest, not at {evidence_s}")
         else:
             evidence_s = float(evidence_s)
-        if declared.rights.is_ranked and self._told:
+        if declared.permissions.is_ranked and self._told:
             before = self.present(version)
             if before.source != agent and before.at(now_s).known:
-                declared.rights.check_rank(agent, before.source, self.subject)
+                declared.permissions.check_rank(agent, before.source, self.subject)
         if content is None:
             return Reading(
                 name=self.name,

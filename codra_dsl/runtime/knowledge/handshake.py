@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.declarations import TaskModel, by
-from codra_dsl.runtime.knowledge.draft import Draft
-from codra_dsl.runtime.knowledge.rights import START, Rights
+from codra_dsl.runtime.knowledge.graph_schema import GraphSchema, Stage
+from codra_dsl.runtime.knowledge.permissions import START, Permissions
 from codra_dsl.runtime.knowledge.state import Handover, Request
-from codra_dsl.runtime.knowledge.words import Stage, Words
-from codra_dsl.runtime.names import unknown
 
 REQUESTER = "requester"
 UNACKNOWLEDGED = "unacknowledged"
@@ -29,87 +29,89 @@ class ConflictError(RuntimeError):
     """A step of a handshake that cannot be taken from where the task stands."""
 
 
-def request(draft: Draft, task: str, values: Mapping[str, object]) -> Request:
+def request(change_set: ChangeSet, task: str, values: Mapping[str, object]) -> Request:
     """Ask for a task, with values of what its requesters write: it waits for its executor to acknowledge."""
-    model = _model(draft.words, task)
-    Rights(by(*model.requesters)).check(draft.agent, f"a request of {task}")
-    before = _now(draft, model)
+    model = _model(change_set.schema, task)
+    Permissions(by(*model.requesters)).check(change_set.agent, f"a request of {task}")
+    before = _now(change_set, model)
     if before.is_open:
         raise ConflictError(
             f"{task!r} was asked for by {before.requester!r} already (request {before.number}, {before.stage}): "
             "it can be asked for again when it has ended"
         )
-    after = Handover(task, Stage.WANTS, before.number + 1, draft.agent, draft.now_s, draft.now_s + model.acknowledge_s)
-    _write(draft, model, before, after)
+    after = Handover(
+        task, Stage.WANTS, before.number + 1, change_set.agent, change_set.now_s, change_set.now_s + model.acknowledge_s
+    )
+    _write(change_set, model, before, after)
     for attribute, value in values.items():
-        draft.set(task, attribute, value, None)
+        change_set.set(task, attribute, value, None)
     return after.request
 
 
-def acknowledge(draft: Draft, asked: Request) -> None:
+def acknowledge(change_set: ChangeSet, asked: Request) -> None:
     """Say, as the executor, that the task has begun."""
-    model = _model_of(draft.words, asked)
-    Rights(by(model.by)).check(draft.agent, f"the acknowledgement of {asked.task}")
-    before = _at(draft, asked, Stage.WANTS)
-    after = before._replace(stage=Stage.IS, since_s=draft.now_s, deadline_s=draft.now_s + model.finish_s)
-    _write(draft, model, before, after)
+    model = _model_of(change_set.schema, asked)
+    Permissions(by(model.by)).check(change_set.agent, f"the acknowledgement of {asked.task}")
+    before = _at(change_set, asked, Stage.WANTS)
+    after = before._replace(stage=Stage.IS, since_s=change_set.now_s, deadline_s=change_set.now_s + model.finish_s)
+    _write(change_set, model, before, after)
 
 
-def finish(draft: Draft, asked: Request, result: str) -> None:
+def finish(change_set: ChangeSet, asked: Request, result: str) -> None:
     """End the task, as the executor, with one of its results."""
-    model = _model_of(draft.words, asked)
-    Rights(by(model.by)).check(draft.agent, f"the result of {asked.task}")
+    model = _model_of(change_set.schema, asked)
+    Permissions(by(model.by)).check(change_set.agent, f"the result of {asked.task}")
     if result not in model.results:
         raise unknown(f"result of {asked.task!r}", result, model.results)
-    before = _at(draft, asked, Stage.IS)
-    after = before._replace(stage=Stage.FINISHED, since_s=draft.now_s, deadline_s=math.inf, result=str(result))
-    _write(draft, model, before, after)
+    before = _at(change_set, asked, Stage.IS)
+    after = before._replace(stage=Stage.FINISHED, since_s=change_set.now_s, deadline_s=math.inf, result=str(result))
+    _write(change_set, model, before, after)
 
 
-def abort(draft: Draft, asked: Request) -> None:
+def abort(change_set: ChangeSet, asked: Request) -> None:
     """End the task, as who asked for it, before it has finished."""
-    model = _model_of(draft.words, asked)
-    Rights(by(*model.requesters)).check(draft.agent, f"the abortion of {asked.task}")
-    before = _at(draft, asked, Stage.WANTS, Stage.IS)
-    Rights(by(before.requester)).check(draft.agent, f"the abortion of request {asked.number} of {asked.task}")
-    _write(draft, model, before, _aborted(before, draft.now_s, REQUESTER))
+    model = _model_of(change_set.schema, asked)
+    Permissions(by(*model.requesters)).check(change_set.agent, f"the abortion of {asked.task}")
+    before = _at(change_set, asked, Stage.WANTS, Stage.IS)
+    Permissions(by(before.requester)).check(change_set.agent, f"the abortion of request {asked.number} of {asked.task}")
+    _write(change_set, model, before, _aborted(before, change_set.now_s, REQUESTER))
 
 
-def expire(draft: Draft, task: str) -> None:
+def expire(change_set: ChangeSet, task: str) -> None:
     """End a task whose deadline has passed; harmless for any other."""
-    _now(draft, _model(draft.words, task))
+    _now(change_set, _model(change_set.schema, task))
 
 
-def _model(words: Words, task: str) -> TaskModel:
-    if task not in words.tasks:
-        raise unknown("task", task, words.tasks)
-    return words.tasks[task]
+def _model(schema: GraphSchema, task: str) -> TaskModel:
+    if task not in schema.tasks:
+        raise unknown("task", task, schema.tasks)
+    return schema.tasks[task]
 
 
-def _model_of(words: Words, asked: Request) -> TaskModel:
+def _model_of(schema: GraphSchema, asked: Request) -> TaskModel:
     if not isinstance(asked, Request):
         raise TypeError(f"what names a request is what request() returned, or the request of a handover, not {asked!r}")
-    return _model(words, asked.task)
+    return _model(schema, asked.task)
 
 
-def _now(draft: Draft, model: TaskModel) -> Handover:
+def _now(change_set: ChangeSet, model: TaskModel) -> Handover:
     """Return how far a task is: one whose deadline has passed has ended, though the clock has not said so yet."""
-    handover = draft.handover(model.name)
-    if not handover.is_open or draft.now_s < handover.deadline_s:
+    handover = change_set.handover(model.name)
+    if not handover.is_open or change_set.now_s < handover.deadline_s:
         return handover
     reason = UNACKNOWLEDGED if handover.stage is Stage.WANTS else OVERDUE
     ended = _aborted(handover, handover.deadline_s, reason)
-    agent, draft.agent = draft.agent, START
+    agent, change_set.agent = change_set.agent, START
     try:
-        _write(draft, model, handover, ended)
+        _write(change_set, model, handover, ended)
     finally:
-        draft.agent = agent
+        change_set.agent = agent
     return ended
 
 
-def _at(draft: Draft, asked: Request, *stages: Stage) -> Handover:
+def _at(change_set: ChangeSet, asked: Request, *stages: Stage) -> Handover:
     """Return how far the task of a request is, if that is one of some stages."""
-    handover = _now(draft, _model(draft.words, asked.task))
+    handover = _now(change_set, _model(change_set.schema, asked.task))
     if handover.request == asked and handover.stage in stages:
         return handover
     if handover.request != asked:
@@ -124,13 +126,15 @@ def _aborted(handover: Handover, instant_s: float, reason: str) -> Handover:
     return handover._replace(stage=Stage.ABORTED, since_s=instant_s, deadline_s=math.inf, reason=reason)
 
 
-def _write(draft: Draft, model: TaskModel, before: Handover, after: Handover) -> None:
+def _write(change_set: ChangeSet, model: TaskModel, before: Handover, after: Handover) -> None:
     """Write how far a task is: its edge, and the attributes of its node."""
-    draft.hand_over(after)
+    change_set.hand_over(after)
     if before.stage is not None:
-        draft.remove((model.origin, before.stage, model.name))
-    if after.stage is not None and (after.is_open or draft.has_node(model.origin)):  # it may be gone when a task ends
-        draft.draw(draft.words.edge_type(after.stage), model.origin, model.name)
+        change_set.remove((model.origin, before.stage, model.name))
+    if after.stage is not None and (
+        after.is_open or change_set.has_node(model.origin)
+    ):  # it may be gone when a task ends
+        change_set.draw(change_set.schema.edge_type(after.stage), model.origin, model.name)
     told = (
         ("request", before.number, after.number),
         ("requester", before.requester, after.requester),
@@ -139,4 +143,4 @@ def _write(draft: Draft, model: TaskModel, before: Handover, after: Handover) ->
     )
     for attribute, was, now in told:
         if was != now:
-            draft.write(model.name, attribute, now)
+            change_set.write(model.name, attribute, now)

@@ -16,25 +16,24 @@ from itertools import chain
 from typing import Any, TypeVar
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.agents import AgentTakenError
-from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.callbacks import Subscription
 from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.errors import AgentTakenError, unknown
 from codra_dsl.runtime.geometry import Transform
 from codra_dsl.runtime.knowledge import handshake
-from codra_dsl.runtime.knowledge.acting import Acting, RuleError
+from codra_dsl.runtime.knowledge.agent_handle import AgentHandle, AgentPort, Transaction, closed
+from codra_dsl.runtime.knowledge.change_set import ChangeRecord, ChangeSet, Touched
+from codra_dsl.runtime.knowledge.context_link import ContextLink, Refused
 from codra_dsl.runtime.knowledge.declarations import TASK, KnowledgeModel, Pattern
-from codra_dsl.runtime.knowledge.draft import Draft, Note, Touched
+from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import reads
-from codra_dsl.runtime.knowledge.operations import DEEDS, SET, Operation, Verb, operations_of
-from codra_dsl.runtime.knowledge.rights import START, Audit, Refusal
-from codra_dsl.runtime.knowledge.sharing import Refused, Sharing
+from codra_dsl.runtime.knowledge.operations import HANDLERS, SET, Operation, Verb, operations_of
+from codra_dsl.runtime.knowledge.permissions import START, Audit, Refusal
+from codra_dsl.runtime.knowledge.rule_execution import RuleError, RuleExecution
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
 from codra_dsl.runtime.knowledge.state import State
-from codra_dsl.runtime.knowledge.watching import Change, Sight, Watch, Watches, of_attribute, of_matches, of_wakes
-from codra_dsl.runtime.knowledge.words import Words
-from codra_dsl.runtime.knowledge.writing import AgentHandle, Means, Transaction, closed
-from codra_dsl.runtime.names import unknown
-from codra_dsl.runtime.subscriptions import Subscription
+from codra_dsl.runtime.knowledge.watches import Change, View, Watch, Watches, of_attribute, of_matches, of_wakes
+from codra_dsl.runtime.values.cell import Reading
 
 ResultT = TypeVar("ResultT")
 SeenT = TypeVar("SeenT")
@@ -55,27 +54,27 @@ class Knowledge:
         moved: is told what each change touched, in the same step; for the context manager.
     """
 
-    def __init__(self, model: KnowledgeModel, *, clock: Clock, sharing: Sharing | None = None) -> None:
+    def __init__(self, model: KnowledgeModel, *, clock: Clock, context_link: ContextLink | None = None) -> None:
         """Make the graph that is there from the start.
 
         Args:
             model: what a spec was compiled to.
             clock: real or simulated time; not one that holds a lock while events happen.
-            sharing: what it has in common with a context manager; None if it is a graph by itself.
+            context_link: what it has in common with a context manager; None if it is a graph by itself.
 
         Raises:
             ValueError: if the declarations contradict each other.
             LookupError: if they use what they do not declare.
         """
-        self._words = Words(model, () if sharing is None else sharing.variables)
-        self.model = self._words.model
+        self._schema = GraphSchema(model, () if context_link is None else context_link.variables)
+        self.model = self._schema.model
         self._clock = clock
         self._now_s = clock.now_s
-        self._sharing = sharing
+        self._context_link = context_link
         # Whoever writes takes this turn. With a context manager it is a step, which holds the one lock of both sides.
-        self._steps: Clock = clock if sharing is None else sharing.steps
+        self._steps: Clock = clock if context_link is None else context_link.steps
         self._step_now_s = self._steps.now_s
-        self._turn: AbstractContextManager[object] = threading.RLock() if sharing is None else sharing.steps
+        self._turn: AbstractContextManager[object] = threading.RLock() if context_link is None else context_link.steps
         self._state = State.empty(self._step_now_s())
         self._past: deque[State] = deque(maxlen=MOST_PAST - 1)
         self._held: Sequence[Reading[Value]] = ()
@@ -98,8 +97,8 @@ class Knowledge:
             UnknownNameError: if no such agent is declared.
             AgentTakenError: if a handle of the agent is open.
         """
-        if name not in self._words.agents:
-            raise unknown("agent", name, self._words.agents)
+        if name not in self._schema.agents:
+            raise unknown("agent", name, self._schema.agents)
         with self._handles_lock:
             if name not in self._handles:
                 handle = self._handle(name)
@@ -118,7 +117,7 @@ class Knowledge:
 
     def snapshot(self) -> Snapshot:
         """Return the graph as it is now, for good."""
-        return Snapshot(self._words, self._state, self._now_s())
+        return Snapshot(self._schema, self._state, self._now_s())
 
     def at(self, instant_s: float) -> Snapshot:
         """Return the graph as it was at an instant, with what was known of it then.
@@ -134,11 +133,11 @@ class Knowledge:
             begin_s = self._past[0].since_s if self._past else self._state.since_s
         if found is None:
             raise ValueError(f"the graph is held from {begin_s} s on, not from {instant_s}: a journal has the rest")
-        return Snapshot(self._words, found, instant_s)
+        return Snapshot(self._schema, found, instant_s)
 
     def get(self, name: str, attribute: str) -> Reading[Any]:
         """Return what is known of an attribute of a node now; it raises what `Snapshot.get` does."""
-        return Snapshot(self._words, self._state, self._now_s()).get(name, attribute)
+        return Snapshot(self._schema, self._state, self._now_s()).get(name, attribute)
 
     def transform(self, target: str, source: str, instant_s: float | None = None) -> Transform:
         """Return where one node stands in another, now or at an instant; it raises what `Snapshot.transform` does."""
@@ -157,7 +156,7 @@ class Knowledge:
             UnknownNameError: if a pattern names a type that is not declared.
         """
         self.snapshot().match(*patterns)
-        return self._watch(reads(self._words, patterns), *of_matches(self._words, patterns, callback))
+        return self._watch(reads(self._schema, patterns), *of_matches(self._schema, patterns, callback))
 
     def follow(self, name: str, attribute: str, callback: Callable[[Reading[Any]], object]) -> Subscription:
         """Call back, as `subscribe` does, with what an attribute of a node is, and whenever there is newer evidence.
@@ -184,15 +183,15 @@ class Knowledge:
         """Take a reading of a context-variable, of whoever wrote it; the caller is in a step."""
         if self._held and any(each is reading for each in self._held):
             return  # it is in the graph already, with all that was written with it
-        draft = Draft(self._words, self._state, self._step_now_s(), reading.source)
-        node = self._words.variables[reading.name]
-        draft.take_in(node, draft.history(node, reading.name), reading)
-        self._hold_draft(draft)
-        self._watches.changed(draft.touched)
+        change_set = ChangeSet(self._schema, self._state, self._step_now_s(), reading.source)
+        node = self._schema.variables[reading.name]
+        change_set.take_in(node, change_set.history(node, reading.name), reading)
+        self._hold_draft(change_set)
+        self._watches.changed(change_set.touched)
 
     def in_step(self) -> Snapshot:
         """Return the graph as it is at the instant of the present step."""
-        return Snapshot(self._words, self._state, self._steps.now_s())
+        return Snapshot(self._schema, self._state, self._steps.now_s())
 
     def take_down(self, agent: str, why: str) -> None:
         """Take down, for the audit, a write of a context-variable that the context has refused and told."""
@@ -206,9 +205,9 @@ class Knowledge:
         """
         operations = operations_of(plain)
 
-        def do(draft: Draft) -> None:
+        def do(change_set: ChangeSet) -> None:
             for operation in operations:
-                operation.apply(draft)
+                operation.apply(change_set)
 
         self._write(agent, do, operations)
 
@@ -241,7 +240,7 @@ class Knowledge:
             for subscription in wakes:
                 subscription.unsubscribe()
 
-        means = Means(
+        port = AgentPort(
             commit=partial(self._do, name),
             transact=lambda: self._transaction(name, check, _nothing),
             wake=wake,
@@ -249,22 +248,22 @@ class Knowledge:
             close=close,
             check_open=check,
         )
-        return AgentHandle(name, means)
+        return AgentHandle(name, port)
 
     def _on_wake(self, handle: AgentHandle, callback: Callable[[Change], object]) -> Subscription:
         wakes = tuple(pattern for each in self.model.agents if each.name == handle.name for pattern in each.wakes)
-        return self._watch(reads(self._words, wakes), *of_wakes(self._words, wakes, callback), for_whom=handle)
+        return self._watch(reads(self._schema, wakes), *of_wakes(self._schema, wakes, callback), for_whom=handle)
 
-    def _acting(self, agent: str, check: Callable[[], None], name: str) -> Acting[Transaction]:
+    def _acting(self, agent: str, check: Callable[[], None], name: str) -> RuleExecution[Transaction]:
         rules = {rule.name: rule for each in self.model.agents if each.name == agent for rule in each.rules}
         if name not in rules:
             raise unknown(f"rule of {agent!r}", name, rules)
-        return Acting(
+        return RuleExecution(
             rules[name],
             begin=partial(self._begin_rule, agent, name),
             transact=partial(self._transaction, agent, check),
             take=self.snapshot,
-            tell=partial(self.tell_rule, agent, name),
+            tell=partial(self.write_rule, agent, name),
             subscribe=self.subscribe,
         )
 
@@ -277,22 +276,22 @@ class Knowledge:
                 self._refuse(agent, Refused(f"{agent}.{name}", why))
                 raise RuleError(why)
 
-    def tell_rule(self, agent: str, name: str, became: str, message: str) -> None:
+    def write_rule(self, agent: str, name: str, became: str, message: str) -> None:
         """Tell the journal what became of a rule of an agent."""
-        if self._sharing is not None:
+        if self._context_link is not None:
             with self._turn:
-                self._sharing.tell_rule(agent, name, became, message)
+                self._context_link.write_rule(agent, name, became, message)
 
     @contextmanager
     def _transaction(self, name: str, check: Callable[[], None], allow: Callable[[], None]) -> Iterator[Transaction]:
         check()
         base = self._state
-        draft = Draft(self._words, base, self._now_s(), name)
+        change_set = ChangeSet(self._schema, base, self._now_s(), name)
 
         def attempt(operation: Operation) -> Any:
-            draft.now_s = self._step_now_s()  # evidence may have been taken since the transaction began
+            change_set.now_s = self._step_now_s()  # evidence may have been taken since the transaction began
             try:
-                return operation.apply(draft)
+                return operation.apply(change_set)
             except PermissionError as error:
                 self._refuse(name, self._refused(operation, str(error)))
                 raise
@@ -303,34 +302,38 @@ class Knowledge:
         finally:
             transaction.end()
         transaction.check()
-        if draft.touched:
+        if change_set.touched:
             check()
             with self._turn:  # so that what `allow` finds is still so
                 allow()
-                self._write(name, partial(self._take, base, draft, transaction), transaction.operations)
+                self._write(name, partial(self._take, base, change_set, transaction), transaction.operations)
 
-    def _take(self, base: State, draft: Draft, transaction: Transaction, present: Draft) -> None:
+    def _take(self, base: State, change_set: ChangeSet, transaction: Transaction, present: ChangeSet) -> None:
         """Take over what a transaction has made of the graph; make it again if that is not the present graph.
 
         In a step of a context manager it is made again in any case, so that all of it is of the instant of the step.
         """
-        if self._sharing is None and present.is_of(base):
-            present.take(draft)
+        if self._context_link is None and present.is_of(base):
+            present.take(change_set)
         else:
             transaction.again(present)
 
-    def _write(self, agent: str, change: Callable[[Draft], ResultT], operations: Sequence[Operation] = ()) -> ResultT:
+    def _write(
+        self, agent: str, change: Callable[[ChangeSet], ResultT], operations: Sequence[Operation] = ()
+    ) -> ResultT:
         """Apply a change, and tell those who watch."""
         with self._turn:
-            draft = Draft(self._words, self._state, self._step_now_s(), agent, None if self._sharing is None else [])
+            change_set = ChangeSet(
+                self._schema, self._state, self._step_now_s(), agent, None if self._context_link is None else []
+            )
             try:
-                result = change(draft)
+                result = change(change_set)
             except PermissionError as error:
-                self._refuse(agent, self._refused(draft.operation, str(error)))
+                self._refuse(agent, self._refused(change_set.operation, str(error)))
                 raise
             try:
-                if draft.touched:
-                    self._commit(draft, operations)
+                if change_set.touched:
+                    self._commit(change_set, operations)
             except _OvertakenError:
                 return self._write(agent, change, operations)
         return result
@@ -342,17 +345,17 @@ class Knowledge:
         """
         with self._turn:
             try:
-                if verb is SET and self._sharing is None and self._append(agent, given):
+                if verb is SET and self._context_link is None and self._append(agent, given):
                     return None
-                notes: list[Note] | None = None if self._sharing is None else []
-                draft = Draft(self._words, self._state, self._step_now_s(), agent, notes)
-                result = DEEDS[verb](draft, *given)
+                notes: list[ChangeRecord] | None = None if self._context_link is None else []
+                change_set = ChangeSet(self._schema, self._state, self._step_now_s(), agent, notes)
+                result = HANDLERS[verb](change_set, *given)
             except PermissionError as error:
                 self._refuse(agent, self._refused(Operation(verb, given), str(error)))
                 raise
             try:
-                if draft.touched:
-                    self._commit(draft, () if self._sharing is None else (Operation(verb, given),))
+                if change_set.touched:
+                    self._commit(change_set, () if self._context_link is None else (Operation(verb, given),))
             except _OvertakenError:
                 return self._do(agent, verb, given)
         return result
@@ -369,7 +372,7 @@ class Knowledge:
         if node is None:
             return False
         history = node.histories.get(attribute)
-        if history is None or agent not in history.declared.rights.writers:
+        if history is None or agent not in history.declared.permissions.writers:
             return False
         after = state.next(self._step_now_s())
         reading = history.written(agent, after.since_s, value, evidence_s, state.version)
@@ -389,35 +392,35 @@ class Knowledge:
         self._clock.notify()
         return True
 
-    def _commit(self, draft: Draft, operations: Sequence[Operation]) -> None:
+    def _commit(self, change_set: ChangeSet, operations: Sequence[Operation]) -> None:
         """Put what a draft has become in the place of the present state; tell the journal, the context, who watches."""
-        sharing = self._sharing
-        if sharing is None:
-            self._hold_draft(draft)
+        context_link = self._context_link
+        if context_link is None:
+            self._hold_draft(change_set)
         else:
-            sharing.tell_input(draft.agent, operations)
-            self._hold_draft(draft)
-            self._held = draft.shared
+            context_link.write_input(change_set.agent, operations)
+            self._hold_draft(change_set)
+            self._held = change_set.shared
             try:
-                sharing.commit(draft, self._state.version)
+                context_link.commit(change_set, self._state.version)
             finally:
                 self._held = ()
-        for instant_s, handover in draft.deadlines:
+        for instant_s, handover in change_set.deadlines:
             self._steps.call_at(instant_s, partial(self._expire, handover.task))
         if self.moved is not None:
-            self.moved(draft.touched)
-        self._watches.changed(draft.touched)
+            self.moved(change_set.touched)
+        self._watches.changed(change_set.touched)
         self._clock.notify()
 
-    def _hold_draft(self, draft: Draft) -> None:
+    def _hold_draft(self, change_set: ChangeSet) -> None:
         """Put the state that a draft makes in the place of the present one."""
         before = self._state
-        if not draft.is_of(before):
+        if not change_set.is_of(before):
             raise _OvertakenError
         try:
-            self._hold(before, draft.state())
+            self._hold(before, change_set.state())
         except BaseException:  # an interrupt
-            draft.undo()
+            change_set.undo()
             raise
 
     def _hold(self, before: State, after: State) -> None:
@@ -429,23 +432,23 @@ class Knowledge:
         self._state = after
 
     def _refused(self, operation: Operation, why: str) -> Refused:
-        if self._sharing is None:
+        if self._context_link is None:
             return Refused(operation.subject, why)
-        return self._sharing.refused(operation, why, self._words.variables)
+        return self._context_link.refused(operation, why, self._schema.variables)
 
     def _refuse(self, agent: str, refused: Refused) -> None:
         """Take down a refusal; the caller has the turn."""
         self._audit.refuse(Refusal(instant_s=self._steps.now_s(), agent=agent, why=refused.why))
-        if self._sharing is not None:
-            self._sharing.refuse(agent, refused)
+        if self._context_link is not None:
+            self._context_link.refuse(agent, refused)
 
     def _expire(self, task: str) -> None:
-        self._write(START, lambda draft: handshake.expire(draft, task))
+        self._write(START, lambda change_set: handshake.expire(change_set, task))
 
     def _watch(
         self,
         touched: Iterable[Touched],
-        look: Callable[[Snapshot], Sight[SeenT]],
+        look: Callable[[Snapshot], View[SeenT]],
         tell: Callable[[Snapshot, SeenT], None],
         for_whom: AgentHandle | None = None,
     ) -> Subscription:
@@ -467,11 +470,11 @@ def _nothing() -> None:
     pass
 
 
-def _begin(model: KnowledgeModel, draft: Draft) -> None:
+def _begin(model: KnowledgeModel, change_set: ChangeSet) -> None:
     """Write what is there from the start."""
     for node in model.nodes:
-        draft.insert_node(node.name, node.type, node.values)
+        change_set.insert_node(node.name, node.type, node.values)
     for task in model.tasks:
-        draft.insert_node(task.name, TASK, {})
+        change_set.insert_node(task.name, TASK, {})
     for edge in model.edges:
-        draft.begin_edge(edge)
+        change_set.begin_edge(edge)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.journal.encoding import json_text
 from codra_dsl.runtime.knowledge import handshake
-from codra_dsl.runtime.knowledge.draft import Draft
+from codra_dsl.runtime.knowledge.change_set import ChangeSet
 from codra_dsl.runtime.knowledge.state import Request
-from codra_dsl.runtime.model import unboxed
+from codra_dsl.runtime.values.model import unboxed
 
 _POSE_NUMBERS = 7
 
@@ -42,10 +42,10 @@ class Operation(NamedTuple):
     verb: Verb
     given: tuple[Any, ...]
 
-    def apply(self, draft: Draft) -> Any:
+    def apply(self, change_set: ChangeSet) -> Any:
         """Do it in a draft; return what the agent is told."""
-        draft.operation = self
-        return DEEDS[self.verb](draft, *self.given)
+        change_set.operation = self
+        return HANDLERS[self.verb](change_set, *self.given)
 
     @property
     def subject(self) -> str:
@@ -102,14 +102,14 @@ def _plain(given: Any) -> Any:
     return list(given) if isinstance(given, tuple) else unboxed(given)
 
 
-DEEDS: Mapping[Verb, Callable[..., Any]] = {
-    Verb.INSERT_NODE: Draft.insert_node,
-    Verb.DELETE_NODE: Draft.delete_node,
-    Verb.SET: Draft.set,
-    Verb.INSERT_EDGE: Draft.insert_edge,
-    Verb.DELETE_EDGE: Draft.delete_edge,
-    Verb.SET_OF_EDGE: Draft.set_of_edge,
-    Verb.PLACE: Draft.place,
+HANDLERS: Mapping[Verb, Callable[..., Any]] = {
+    Verb.INSERT_NODE: ChangeSet.insert_node,
+    Verb.DELETE_NODE: ChangeSet.delete_node,
+    Verb.SET: ChangeSet.set,
+    Verb.INSERT_EDGE: ChangeSet.insert_edge,
+    Verb.DELETE_EDGE: ChangeSet.delete_edge,
+    Verb.SET_OF_EDGE: ChangeSet.set_of_edge,
+    Verb.PLACE: ChangeSet.place,
     Verb.REQUEST: handshake.request,
     Verb.ACKNOWLEDGE: handshake.acknowledge,
     Verb.FINISH: handshake.finish,

@@ -7,15 +7,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from codra_dsl.logic import Term, Value
-from codra_dsl.runtime.cell import Reading
+from codra_dsl.runtime.errors import unknown
 from codra_dsl.runtime.geometry import FrameError, Outcome, Transform
+from codra_dsl.runtime.knowledge.change_set import AbsentError
 from codra_dsl.runtime.knowledge.declarations import Pattern
-from codra_dsl.runtime.knowledge.draft import AbsentError
 from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node, never, present, seen
+from codra_dsl.runtime.knowledge.graph_schema import GraphSchema
 from codra_dsl.runtime.knowledge.matching import Match, matches
 from codra_dsl.runtime.knowledge.state import Handover, State
-from codra_dsl.runtime.knowledge.words import Words
-from codra_dsl.runtime.names import unknown
+from codra_dsl.runtime.values.cell import Reading
 
 
 class Snapshot:
@@ -25,10 +25,10 @@ class Snapshot:
         instant_s: when it was taken: validity, ages and poses are told of then.
     """
 
-    __slots__ = ("_state", "_words", "instant_s")
+    __slots__ = ("_schema", "_state", "instant_s")
 
-    def __init__(self, words: Words, state: State, instant_s: float) -> None:
-        self._words = words
+    def __init__(self, schema: GraphSchema, state: State, instant_s: float) -> None:
+        self._schema = schema
         self._state = state
         self.instant_s = instant_s
 
@@ -68,9 +68,9 @@ class Snapshot:
         """
         found: Iterable[Node] = self._state.nodes.values()
         if type_name:
-            self._words.node_type(type_name)
+            self._schema.node_type(type_name)
             nodes = self._state.nodes
-            among = map(nodes.get, self._state.directory.of_type(type_name))
+            among = map(nodes.get, self._state.index.of_type(type_name))
             found = [node for node in among if node is not None and node.type == type_name]
         found = [seen(node, self._state.version) for node in found]
         if where is not None and not isinstance(where, Term):
@@ -82,9 +82,9 @@ class Snapshot:
 
     def _check_attributes(self, type_name: str, nodes: Iterable[Node], where: Term) -> None:
         """Refuse a condition over an attribute that no node of a type can have, apart from some nodes by their name."""
-        own = self._words.node_type(type_name).attributes if type_name else {}
+        own = self._schema.node_type(type_name).attributes if type_name else {}
         for name in where.variables():
-            if type_name and name not in own and not any(name in self._words.of_node(node) for node in nodes):
+            if type_name and name not in own and not any(name in self._schema.of_node(node) for node in nodes):
                 raise unknown(f"attribute of {type_name!r}", name, own)
 
     def edge(self, origin: str, edge: str, target: str) -> Edge:
@@ -99,8 +99,8 @@ class Snapshot:
             AbsentError: if there is none.
             UnknownNameError: if there is no such type of edges.
         """
-        for type_name in self._words.types_of_edges(edge):
-            found = self.edge_of((origin, self._words.edge_type(type_name).label, target))
+        for type_name in self._schema.types_of_edges(edge):
+            found = self.edge_of((origin, self._schema.edge_type(type_name).label, target))
             if found is not None and found.type == type_name:
                 return found
         raise AbsentError(f"there is no edge {origin} -{edge}-> {target}")
@@ -124,7 +124,7 @@ class Snapshot:
         Raises:
             UnknownNameError: if there is no such type of edges.
         """
-        types = self._words.types_of_edges(edge) if edge else None
+        types = self._schema.types_of_edges(edge) if edge else None
         found = map(self.edge_of, self._keys(types, origin, target))
         return tuple(
             sorted(
@@ -152,7 +152,7 @@ class Snapshot:
         node = self._state.nodes.get(name) or self.node(name)
         history = node.histories.get(attribute)
         if history is None:
-            self._words.attribute(node, attribute)
+            self._schema.attribute(node, attribute)
             return never(name, attribute)
         reading = history.present(self._state.version)
         return reading if reading.expires_s > self.instant_s else reading.at(self.instant_s)
@@ -160,13 +160,13 @@ class Snapshot:
     def get_of_edge(self, origin: str, edge: str, target: str, attribute: str) -> Reading[Any]:
         """Return what is known of an attribute of an edge; it raises what `edge` and `get` do."""
         found = self.edge(origin, edge, target)
-        self._words.attribute_of_edge(found, attribute)
+        self._schema.attribute_of_edge(found, attribute)
         return present(found, str(found), attribute).at(self.instant_s)
 
     def history(self, name: str, attribute: str) -> tuple[Reading[Any], ...]:
         """Return the readings of an attribute of a node, by their evidence; it raises what `get` does."""
         node = self.node(name)
-        self._words.attribute(node, attribute)
+        self._schema.attribute(node, attribute)
         history = node.histories.get(attribute)
         return () if history is None else history.all(node.version)
 
@@ -205,7 +205,7 @@ class Snapshot:
             AbsentError: if there is no such camera.
             ValueError: if the node has no view.
         """
-        view = self._words.node_type(self.node(camera).type).model.view
+        view = self._schema.node_type(self.node(camera).type).model.view
         if view is None:
             raise ValueError(f"{camera!r} is no camera: its type {self.node(camera).type!r} has no view")
         found = self._standing(camera, name)
@@ -227,7 +227,7 @@ class Snapshot:
         Raises:
             UnknownNameError: if a pattern names a type that is not declared.
         """
-        return matches(self, self._words, patterns)
+        return matches(self, self._schema, patterns)
 
     def holds(self, *patterns: Pattern) -> bool:
         """Return whether patterns hold together; it raises what `match` does."""
@@ -239,19 +239,19 @@ class Snapshot:
         Raises:
             UnknownNameError: if there is no such task.
         """
-        if task not in self._words.tasks:
-            raise unknown("task", task, self._words.tasks)
+        if task not in self._schema.tasks:
+            raise unknown("task", task, self._schema.tasks)
         return self._state.handovers.get(task) or Handover(task)
 
     # For those who follow paths
 
     def keys_from(self, name: str) -> Iterable[EdgeKey]:
         """Return what tells the edges from a node apart, in no order; not each has an edge, and `edge_of` knows."""
-        return self._state.directory.out(name)
+        return self._state.index.out(name)
 
     def keys_to(self, name: str) -> Iterable[EdgeKey]:
         """Return what tells the edges to a node apart, as `keys_from` does."""
-        return self._state.directory.into(name)
+        return self._state.index.into(name)
 
     def edge_of(self, key: EdgeKey) -> Edge | None:
         """Return the edge that a key names, if there is one."""
@@ -285,8 +285,8 @@ class Snapshot:
             return self.keys_to(target)
         if types is None:
             return self._state.edges
-        ends = frozenset[str]().union(*(self._words.edge_type(name).origins for name in types))
-        of_type = self._state.directory.of_type
+        ends = frozenset[str]().union(*(self._schema.edge_type(name).origins for name in types))
+        of_type = self._state.index.of_type
         origins = dict.fromkeys(node for end in ends for node in (end, *of_type(end)))
         return (key for node in origins for key in self.keys_from(node))
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from codra_dsl.runtime.geometry import Frames
-from codra_dsl.runtime.knowledge.directory import Directory
 from codra_dsl.runtime.knowledge.elements import Edge, EdgeKey, Node
-from codra_dsl.runtime.knowledge.words import Stage
-from codra_dsl.runtime.persistent import PersistentMap
+from codra_dsl.runtime.knowledge.graph_index import GraphIndex
+from codra_dsl.runtime.knowledge.graph_schema import Stage
+from codra_dsl.runtime.values.persistent import PersistentMap
 
 
 class Request(NamedTuple):
@@ -65,7 +65,7 @@ class State:
         next_number: of the next node or edge.
         nodes: by name.
         edges: by origin, label and target.
-        directory: where both are found.
+        index: where both are found.
         frames: where nodes stand.
         handovers: how far tasks are, by name.
         gone: when nodes were deleted whose poses are still told, by name.
@@ -76,7 +76,7 @@ class State:
     next_number: int
     nodes: PersistentMap[str, Node]
     edges: PersistentMap[EdgeKey, Edge]
-    directory: Directory
+    index: GraphIndex
     frames: Frames
     handovers: Mapping[str, Handover]
     gone: Mapping[str, float]
@@ -84,7 +84,7 @@ class State:
     @classmethod
     def empty(cls, since_s: float) -> State:
         """Return the state of a graph in which there is nothing yet."""
-        return cls(since_s, 0, 0, PersistentMap(), PersistentMap(), Directory(), Frames(), {}, {})
+        return cls(since_s, 0, 0, PersistentMap(), PersistentMap(), GraphIndex(), Frames(), {}, {})
 
     def next(self, since_s: float) -> State:
         """Return what comes after it, with nothing changed yet."""
@@ -94,7 +94,7 @@ class State:
         made.next_number = self.next_number
         made.nodes = self.nodes
         made.edges = self.edges
-        made.directory = self.directory
+        made.index = self.index
         made.frames = self.frames
         made.handovers = self.handovers
         made.gone = self.gone

@@ -1,26 +1,26 @@
-"""Perception outside the tick: jobs, what they bring, and where they run."""
+"""Perception outside the tick: jobs, their results, and where they run."""
 
 from __future__ import annotations
 
 from codra_dsl.isolation.messages import described
-from codra_dsl.runtime.perception.attempt import Attempt, State
-from codra_dsl.runtime.perception.calls import CallError, Function, check_handles, imported
+from codra_dsl.runtime.perception.cost import Cost, CostMeter
+from codra_dsl.runtime.perception.functions import CallError, Function, check_handles, imported
 from codra_dsl.runtime.perception.job import Interval, Job
+from codra_dsl.runtime.perception.job_run import JobRun, State
 from codra_dsl.runtime.perception.outcome import Failure, Result, checked
 from codra_dsl.runtime.perception.perception import Perception
-from codra_dsl.runtime.perception.spending import Account, Spent
 
 __all__ = [
-    "Account",
-    "Attempt",
     "CallError",
+    "Cost",
+    "CostMeter",
     "Failure",
     "Function",
     "Interval",
     "Job",
+    "JobRun",
     "Perception",
     "Result",
-    "Spent",
     "State",
     "check_handles",
     "checked",

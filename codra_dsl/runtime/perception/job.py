@@ -1,4 +1,4 @@
-"""What a perception function gets as `job`, and what it tells about its evidence."""
+"""The `job` argument of a perception function, and its reports about evidence."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from codra_dsl.runtime.clock import Work
 
 
 class Job(Protocol):
-    """What a perception function gets as `job`."""
+    """The `job` argument of a perception function."""
 
     @property
     def index(self) -> int:
-        """Return the number of the job among those of its algorithm, as the record tells it."""
+        """Return the number of the job among those of its algorithm, as in the event log."""
         ...
 
     @property
     def random(self) -> random.Random:
-        """Return chance that depends on the seed, the algorithm and the number of its job only."""
+        """Return a random generator that depends only on the seed, the algorithm and the number of the job."""
         ...
 
     @property
     def cancelled(self) -> bool:
-        """Return whether nobody waits for the result any more."""
+        """Return whether the job has been cancelled."""
         ...
 
     def now_s(self) -> float:
@@ -34,24 +34,24 @@ class Job(Protocol):
         ...
 
     def sleep(self, duration_s: float) -> None:
-        """Spend time; raises `Cancelled` when nobody waits for the result any more."""
+        """Sleep; raise `Cancelled` once the job has been cancelled."""
         ...
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Say when the evidence was taken: what fails afterwards takes nothing away from it."""
+        """Report when the evidence was taken; a condition that fails afterwards does not invalidate the evidence."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """When evidence is taken: from its start to its stamp, which is None while it is still being taken."""
+    """The time in which evidence is taken, from start to stamp; the stamp is None while it is still being taken."""
 
     start_s: float
     stamp_s: float | None = None
 
 
 class RunningJob:
-    """The `job` of one call, in the thread of its perception function, or of the process that does it.
+    """The `job` of one call, in the thread of the perception function or, for a process, in the thread that serves it.
 
     Attributes:
         chance: the seed of `random`.
@@ -61,17 +61,17 @@ class RunningJob:
         self.chance = chance
         self.index = index
         self._work = work
-        self._told: list[tuple[float, Interval]] = []
-        self._telling = threading.Lock()
+        self._reports: list[tuple[float, Interval]] = []
+        self._lock = threading.Lock()
 
     @cached_property
     def random(self) -> random.Random:
-        """Return chance that depends on the seed, the algorithm and the number of its job only."""
+        """Return a random generator that depends only on the seed, the algorithm and the number of the job."""
         return random.Random(self.chance)
 
     @property
     def cancelled(self) -> bool:
-        """Return whether nobody waits for the result any more."""
+        """Return whether the job has been cancelled."""
         return self._work.cancelled
 
     def now_s(self) -> float:
@@ -79,21 +79,21 @@ class RunningJob:
         return self._work.now_s()
 
     def sleep(self, duration_s: float) -> None:
-        """Spend time."""
+        """Sleep."""
         self._work.sleep(duration_s)
 
     def evidence(self, start_s: float, stamp_s: float) -> None:
-        """Say when the evidence was taken."""
-        with self._telling:  # who asks `told_by` at an instant gets the same answer later
+        """Report when the evidence was taken."""
+        with self._lock:  # `reported_by` returns the same answer for an instant at any later time
             now_s = self.now_s()
             if not start_s <= stamp_s <= now_s:
-                raise ValueError(f"evidence is taken from a start to a stamp, both past: not {start_s} to {stamp_s}")
-            self._told.append((now_s, Interval(float(start_s), float(stamp_s))))
+                raise ValueError(f"evidence has a start, then a stamp, both in the past: not {start_s} to {stamp_s}")
+            self._reports.append((now_s, Interval(float(start_s), float(stamp_s))))
 
-    def told_by(self, now_s: float) -> tuple[float, Interval] | None:
-        """Return the last that was told about the evidence up to an instant, and when."""
-        with self._telling:
-            for told in reversed(self._told):
-                if told[0] <= now_s:
-                    return told
+    def reported_by(self, now_s: float) -> tuple[float, Interval] | None:
+        """Return the last report about the evidence up to an instant, with the instant of the report."""
+        with self._lock:
+            for report in reversed(self._reports):
+                if report[0] <= now_s:
+                    return report
         return None

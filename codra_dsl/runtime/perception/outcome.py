@@ -1,4 +1,4 @@
-"""What a job brought: a result as the spec's `returns` says, or a failure."""
+"""The outcome of a job: a result that matches the spec's `returns`, or a failure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 from codra_dsl.isolation.messages import MAX_SHOWN
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reason
-from codra_dsl.runtime.model import Algorithm, NotOfTypeError
+from codra_dsl.runtime.values.cell import Reason
+from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a perception function returned, checked; None stands for what it did not measure."""
+    """The checked return value of a perception function; None means that a quantity was not measured."""
 
     values: Mapping[str, Value | None]
 
@@ -28,14 +28,14 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """Why a job brought no result."""
+    """The reason why a job has no result."""
 
     reason: Reason
     message: str
 
 
 def checked(algorithm: Algorithm, returned: object) -> Result | Failure:
-    """Return what a perception function returned, if it is what the spec's `returns` says."""
+    """Return the result of a perception function if it matches the spec's `returns`, else a failure."""
     if not isinstance(returned, Mapping):
         return Failure(Reason.FAILED, f"returned a {type(returned).__name__}, not a mapping")
     surplus = next((name for name in returned if name not in algorithm.returns), None)

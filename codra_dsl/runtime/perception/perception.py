@@ -1,7 +1,7 @@
 """Perception outside the tick: jobs that run perception functions, with slots, timeouts and cancellation.
 
-Whatever a perception function does (raise, hang, return nonsense), it ends as a `Failure` of its job; nothing of it
-reaches the forest or the main execution (P1, section 3.2: observers never interfere).
+If a perception function raises, hangs or returns an invalid result, its job ends with a `Failure`; the forest and the
+main execution are not affected (P1, section 3.2: observers never interfere).
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from collections.abc import Callable, Iterable, Mapping
 
 from codra_dsl.isolation.messages import described
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reason
 from codra_dsl.runtime.clock import Cancelled, Clock
-from codra_dsl.runtime.journal import Kind, Scribe
-from codra_dsl.runtime.model import Algorithm
-from codra_dsl.runtime.perception.attempt import Attempt, State
-from codra_dsl.runtime.perception.calls import CallError, Function, ToldError
+from codra_dsl.runtime.journal import EventWriter, Kind
+from codra_dsl.runtime.perception.cost import Cost, CostMeter
+from codra_dsl.runtime.perception.executors import Executors
+from codra_dsl.runtime.perception.functions import CallError, Function, JobError
 from codra_dsl.runtime.perception.job import Interval, RunningJob
+from codra_dsl.runtime.perception.job_run import JobRun, State
 from codra_dsl.runtime.perception.outcome import Failure, Result, checked
-from codra_dsl.runtime.perception.performers import Performers
-from codra_dsl.runtime.perception.spending import Account, Spent
-from codra_dsl.runtime.slots import Precedence, Slots
+from codra_dsl.runtime.perception.slots import Precedence, Slots
+from codra_dsl.runtime.values.cell import Reason
+from codra_dsl.runtime.values.model import Algorithm
 
 GRACE_S = 0.2
-"""How long a job may still take to end by itself once it has timed out; then its process is ended, if it has one."""
+"""How long a job may take to end by itself after its timeout; then its process, if it has one, is ended."""
 
 
 class Perception:
-    """Runs the jobs of all algorithms of one forest. Whoever calls it holds the context manager's lock."""
+    """Runs the jobs of all algorithms of one forest. Callers hold the context manager's lock."""
 
     def __init__(
         self,
@@ -38,31 +38,31 @@ class Perception:
         slots: Slots,
         handles: Mapping[str, object],
         seed: int,
-        scribe: Scribe,
+        event_writer: EventWriter,
         find: Callable[[Algorithm], Function],
     ) -> None:
-        """Run nothing yet.
+        """Store the arguments without running anything.
 
         Args:
-            clock: in which jobs take their time.
-            slots: of shared resources.
+            clock: the clock in whose time jobs run.
+            slots: the slots of shared resources.
             handles: the handle of each resource without slots, by name.
-            seed: of the chance that jobs see.
-            scribe: is told what jobs do.
+            seed: the seed of the random numbers that jobs draw.
+            event_writer: writes the events of jobs.
             find: returns the function of an algorithm, or raises `CallError`.
         """
         self._clock = clock
-        self._performers = Performers(find, clock.start)
+        self._executors = Executors(find, clock.start)
         self._slots = slots
         self._handles = handles
         self._seed = seed
-        self._scribe = scribe
-        self._accounts: dict[str, Account] = {}
+        self._event_writer = event_writer
+        self._cost_meters: dict[str, CostMeter] = {}
         self._requested: Counter[str] = Counter()
-        self._at_work: dict[str, Attempt] = {}
+        self._at_work: dict[str, JobRun] = {}
 
     def prepare(self, algorithms: Iterable[Algorithm]) -> None:
-        """Find the functions of all algorithms, with their handles and slots; start processes for those that want one.
+        """Find the functions, handles and slots of all algorithms; start the processes of isolated ones.
 
         Raises:
             CallError: if something is missing.
@@ -71,25 +71,25 @@ class Perception:
         for algorithm in wanted.values():
             self._check(algorithm)
             self._slots.expect(algorithm.slots, algorithm.timeout_s)
-            self._accounts[algorithm.name] = Account()
-        self._performers.prepare(list(wanted.values()), self._handles)
+            self._cost_meters[algorithm.name] = CostMeter()
+        self._executors.prepare(list(wanted.values()), self._handles)
 
     def close(self) -> None:
-        """Close what was set up and end all processes; it waits a moment, so its caller must not hold the lock."""
-        self._performers.close()
+        """Close objects that were set up, and end all processes; this waits, so the caller must not hold the lock."""
+        self._executors.close()
 
-    def account(self, algorithm: Algorithm) -> Account:
-        """Return where it is counted what an algorithm spends and brings."""
-        return self._accounts[algorithm.name]
+    def cost_meter(self, algorithm: Algorithm) -> CostMeter:
+        """Return the counters of an algorithm's costs and results."""
+        return self._cost_meters[algorithm.name]
 
-    def spent(self, algorithms: Iterable[Algorithm]) -> Spent:
-        """Return what some algorithms have spent and brought so far."""
-        return sum((self._accounts[algorithm.name].spent() for algorithm in algorithms), Spent())
+    def spent(self, algorithms: Iterable[Algorithm]) -> Cost:
+        """Return the costs and results of some algorithms so far."""
+        return sum((self._cost_meters[algorithm.name].spent() for algorithm in algorithms), Cost())
 
-    def at_work(self, algorithm: Algorithm) -> Attempt | None:
-        """Return the attempt whose function has not come to its end yet, even if nobody waits for it any more.
+    def at_work(self, algorithm: Algorithm) -> JobRun | None:
+        """Return the attempt whose function has not ended yet, even if its result is no longer needed.
 
-        An algorithm is not run twice at a time.
+        An algorithm never runs twice at the same time.
         """
         return self._at_work.get(algorithm.name)
 
@@ -99,38 +99,38 @@ class Perception:
         precedence: Precedence,
         arguments: Callable[[], Mapping[str, Value | None] | None],
         changed: Callable[[], None],
-    ) -> Attempt:
-        """Ask for a job; it starts, in an event of its own, as soon as it has its slots.
+    ) -> JobRun:
+        """Request a job; it starts, in a separate event, as soon as it has its slots.
 
         Args:
-            algorithm: whose job it is; none of its jobs may be at work.
-            precedence: says, whenever it is asked, how it stands to others that wait for the same slots.
-            arguments: asked when the job is about to begin: the values of the context-variables that it is given, or
-                None when it must not begin.
-            changed: called when the attempt has ended, when its function has, and when that takes too long.
+            algorithm: the algorithm; no other job of it may be running.
+            precedence: returns the current precedence over other requests for the same slots.
+            arguments: called when the job is about to begin; returns the values of the context-variables that it is
+                given, or None if it must not begin.
+            changed: called when the attempt ends, when its function ends, and when the function takes too long to end.
         """
-        attempt = Attempt(algorithm, self._requested[algorithm.name], arguments, changed)
+        job_run = JobRun(algorithm, self._requested[algorithm.name], arguments, changed)
         self._requested[algorithm.name] += 1
-        attempt.requested_s = self._clock.now_s()
-        attempt.ticket = self._slots.request(
-            algorithm.slots, precedence, lambda: self._begin(attempt), algorithm.timeout_s
+        job_run.requested_s = self._clock.now_s()
+        job_run.ticket = self._slots.request(
+            algorithm.slots, precedence, lambda: self._begin(job_run), algorithm.timeout_s
         )
-        return attempt
+        return job_run
 
-    def cancel(self, attempt: Attempt) -> None:
-        """Wait for an attempt no longer."""
-        if attempt.start_s is not None and not isinstance(attempt.outcome, Failure):
-            self._accounts[attempt.algorithm.name].cancelled += 1
-        if attempt.state is not State.ENDED:
-            self._tell(attempt, "cancelled")
-            self._abandon(attempt)
+    def cancel(self, job_run: JobRun) -> None:
+        """Cancel an attempt, whose result is no longer needed."""
+        if job_run.start_s is not None and not isinstance(job_run.outcome, Failure):
+            self._cost_meters[job_run.algorithm.name].cancelled += 1
+        if job_run.state is not State.ENDED:
+            self._record(job_run, "cancelled")
+            self._abandon(job_run)
 
-    def void(self, attempt: Attempt, condition: str) -> None:
-        """Drop what an attempt brought, or would bring: a condition did not hold while its evidence was taken."""
-        if not isinstance(attempt.outcome, Failure):
-            self._accounts[attempt.algorithm.name].voided += 1
-        self._tell(attempt, "voided", condition=condition)
-        self._abandon(attempt)
+    def void(self, job_run: JobRun, condition: str) -> None:
+        """Discard the present or future result of an attempt: a condition failed while its evidence was taken."""
+        if not isinstance(job_run.outcome, Failure):
+            self._cost_meters[job_run.algorithm.name].voided += 1
+        self._record(job_run, "voided", condition=condition)
+        self._abandon(job_run)
 
     def _check(self, algorithm: Algorithm) -> None:
         missing = [name for name in algorithm.handles if name not in self._handles]
@@ -138,111 +138,111 @@ class Perception:
             raise CallError(f"perception {algorithm.name!r} reads {missing[0]!r}: give start() its handle")
         unknown = [name for name in algorithm.slots if name not in self._slots.resources]
         if unknown:
-            raise CallError(f"perception {algorithm.name!r} needs a slot of {unknown[0]!r}, which is no resource")
+            raise CallError(f"perception {algorithm.name!r} needs a slot of {unknown[0]!r}, which is not a resource")
 
-    def _begin(self, attempt: Attempt) -> None:
-        arguments = attempt.arguments()
+    def _begin(self, job_run: JobRun) -> None:
+        arguments = job_run.arguments()
         if arguments is None:
-            self._end(attempt)
-            attempt.changed()
+            self._end(job_run)
+            job_run.changed()
             return
-        algorithm = attempt.algorithm
-        attempt.state, attempt.start_s = State.RUNNING, self._clock.now_s()
-        self._accounts[algorithm.name].begin(attempt.start_s - attempt.requested_s)
-        chance = f"{self._seed}/{algorithm.name}/{attempt.index}"
-        attempt.noted = self._note
-        self._at_work[algorithm.name] = attempt
-        self._tell(attempt, "started")
+        algorithm = job_run.algorithm
+        job_run.state, job_run.start_s = State.RUNNING, self._clock.now_s()
+        self._cost_meters[algorithm.name].begin(job_run.start_s - job_run.requested_s)
+        chance = f"{self._seed}/{algorithm.name}/{job_run.index}"
+        job_run.on_evidence = self._note
+        self._at_work[algorithm.name] = job_run
+        self._record(job_run, "started")
         try:
-            attempt.work = self._clock.start(
-                lambda work: self._run(attempt, RunningJob(work, chance, attempt.index), arguments),
-                lambda outcome: self._deliver(attempt, outcome),
+            job_run.work = self._clock.start(
+                lambda work: self._run(job_run, RunningJob(work, chance, job_run.index), arguments),
+                lambda outcome: self._deliver(job_run, outcome),
             )
         except RuntimeError as error:  # no thread could be started
-            self._scribe.tell_input(algorithm.name, "unstarted", index=attempt.index, message=str(error))
-            self._conclude_delivered(attempt, Failure(Reason.FAILED, described(error)))
+            self._event_writer.write_input(algorithm.name, "unstarted", index=job_run.index, message=str(error))
+            self._conclude_delivered(job_run, Failure(Reason.FAILED, described(error)))
             return
-        timeout_s = attempt.start_s + algorithm.timeout_s
-        attempt.timeout = self._clock.call_at(timeout_s, lambda: self._time_out(attempt))
+        timeout_s = job_run.start_s + algorithm.timeout_s
+        job_run.timeout = self._clock.call_at(timeout_s, lambda: self._time_out(job_run))
 
-    def _run(self, attempt: Attempt, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
-        attempt.job = job
-        algorithm = attempt.algorithm
+    def _run(self, job_run: JobRun, job: RunningJob, arguments: Mapping[str, Value | None]) -> Result | Failure:
+        job_run.job = job
+        algorithm = job_run.algorithm
         handles = {name: self._handles[name] for name in algorithm.handles}
         try:
-            performer = self._performers.of(algorithm)
-            return checked(algorithm, performer.perform(job, {**algorithm.parameters, **arguments}, handles))
+            executor = self._executors.of(algorithm)
+            return checked(algorithm, executor.perform(job, {**algorithm.parameters, **arguments}, handles))
         except Cancelled:
             return Failure(Reason.FAILED, "it ended because it was cancelled")
-        except ToldError as error:
+        except JobError as error:
             return Failure(Reason.FAILED, str(error))
-        except BaseException as error:  # whatever a user's function raises stays here
+        except BaseException as error:  # errors of a user's function must not reach the forest
             if isinstance(error, KeyboardInterrupt) and threading.current_thread() is threading.main_thread():
-                raise  # in simulated time it is the user who wants an end
+                raise  # in simulated time, the user interrupts the program
             return Failure(Reason.FAILED, described(error))
 
-    def _note(self, attempt: Attempt, told_s: float, interval: Interval) -> None:
-        """Tell what a job said of its evidence, when that first matters."""
+    def _note(self, job_run: JobRun, reported_s: float, interval: Interval) -> None:
+        """Record a job's report about its evidence when the report is first used."""
         evidence_s = [interval.start_s, interval.stamp_s]
-        self._scribe.tell_input(
-            attempt.algorithm.name, "evidence", index=attempt.index, told_s=told_s, evidence_s=evidence_s
+        self._event_writer.write_input(
+            job_run.algorithm.name, "evidence", index=job_run.index, told_s=reported_s, evidence_s=evidence_s
         )
 
-    def _deliver(self, attempt: Attempt, outcome: Result | Failure) -> None:
-        self._scribe.tell_input(attempt.algorithm.name, "delivered", index=attempt.index)
-        self._conclude_delivered(attempt, outcome)
+    def _deliver(self, job_run: JobRun, outcome: Result | Failure) -> None:
+        self._event_writer.write_input(job_run.algorithm.name, "delivered", index=job_run.index)
+        self._conclude_delivered(job_run, outcome)
 
-    def _conclude_delivered(self, attempt: Attempt, outcome: Result | Failure) -> None:
-        del self._at_work[attempt.algorithm.name]
-        if attempt.timeout is not None:
-            attempt.timeout.cancel()
-        if attempt.state is not State.ENDED:
-            self._end(attempt)
-            self._conclude(attempt, outcome)
-        attempt.changed()
+    def _conclude_delivered(self, job_run: JobRun, outcome: Result | Failure) -> None:
+        del self._at_work[job_run.algorithm.name]
+        if job_run.timeout is not None:
+            job_run.timeout.cancel()
+        if job_run.state is not State.ENDED:
+            self._end(job_run)
+            self._conclude(job_run, outcome)
+        job_run.changed()
 
-    def _time_out(self, attempt: Attempt) -> None:
-        """End a job that takes too long; one that was cancelled before and does not end is stuck."""
-        if attempt.state is State.ENDED:
-            self._tell(attempt, "stuck")
+    def _time_out(self, job_run: JobRun) -> None:
+        """End a job that takes too long; a job that was cancelled before and does not end is stuck."""
+        if job_run.state is State.ENDED:
+            self._record(job_run, "stuck")
         else:
-            self._abandon(attempt)
-            self._conclude(attempt, Failure(Reason.TIMED_OUT, f"no result within {attempt.algorithm.timeout_s:g} s"))
-        if self.at_work(attempt.algorithm) is attempt:
-            attempt.timeout = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._give_up(attempt))
-        attempt.changed()
+            self._abandon(job_run)
+            self._conclude(job_run, Failure(Reason.TIMED_OUT, f"no result within {job_run.algorithm.timeout_s:g} s"))
+        if self.at_work(job_run.algorithm) is job_run:
+            job_run.timeout = self._clock.call_at(self._clock.now_s() + GRACE_S, lambda: self._give_up(job_run))
+        job_run.changed()
 
-    def _give_up(self, attempt: Attempt) -> None:
-        """End the process of a job that does not end by itself."""
-        if self.at_work(attempt.algorithm) is attempt:
-            self._performers.of(attempt.algorithm).give_up()
+    def _give_up(self, job_run: JobRun) -> None:
+        """End the process of a job that has not ended by itself."""
+        if self.at_work(job_run.algorithm) is job_run:
+            self._executors.of(job_run.algorithm).give_up()
 
-    def _conclude(self, attempt: Attempt, outcome: Result | Failure) -> None:
-        attempt.outcome = outcome
+    def _conclude(self, job_run: JobRun, outcome: Result | Failure) -> None:
+        job_run.outcome = outcome
         if isinstance(outcome, Failure):
-            self._accounts[attempt.algorithm.name].failed += 1
-            self._tell(attempt, "failed", reason=outcome.reason, message=outcome.message)
+            self._cost_meters[job_run.algorithm.name].failed += 1
+            self._record(job_run, "failed", reason=outcome.reason, message=outcome.message)
         else:
-            evidence = attempt.evidence(self._clock.now_s())
+            evidence = job_run.evidence(self._clock.now_s())
             taken = [] if evidence is None else [evidence.start_s, evidence.stamp_s]
-            self._tell(attempt, "returned", values=outcome.values, evidence_s=taken)
+            self._record(job_run, "returned", values=outcome.values, evidence_s=taken)
 
-    def _abandon(self, attempt: Attempt) -> None:
-        if attempt.state is not State.ENDED:
-            self._end(attempt)
-            if attempt.work is not None:
-                attempt.work.cancel()
+    def _abandon(self, job_run: JobRun) -> None:
+        if job_run.state is not State.ENDED:
+            self._end(job_run)
+            if job_run.work is not None:
+                job_run.work.cancel()
 
-    def _end(self, attempt: Attempt) -> None:
-        attempt.state, attempt.end_s = State.ENDED, self._clock.now_s()
-        if attempt.start_s is not None:
-            self._accounts[attempt.algorithm.name].end(attempt.end_s - attempt.start_s, len(attempt.algorithm.slots))
-        if attempt.ticket is not None:
-            self._slots.release(attempt.ticket)
-            attempt.ticket = None  # it knows the attempt: without that both go at once, and no collector is needed
+    def _end(self, job_run: JobRun) -> None:
+        job_run.state, job_run.end_s = State.ENDED, self._clock.now_s()
+        if job_run.start_s is not None:
+            self._cost_meters[job_run.algorithm.name].end(job_run.end_s - job_run.start_s, len(job_run.algorithm.slots))
+        if job_run.ticket is not None:
+            self._slots.release(job_run.ticket)
+            job_run.ticket = None  # break the reference cycle, so that both are freed without the garbage collector
 
-    def _tell(self, attempt: Attempt, what: str, **details: object) -> None:
-        self._scribe.tell(Kind.JOB, attempt.algorithm.name, what, index=attempt.index, **details)
+    def _record(self, job_run: JobRun, what: str, **details: object) -> None:
+        self._event_writer.write(Kind.JOB, job_run.algorithm.name, what, index=job_run.index, **details)
 
 
 def _nothing(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""A process of its own for one perception algorithm, as the program sees it."""
+"""The separate process of a perception algorithm, as seen by the program."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ import weakref
 from collections import deque
 from typing import IO, Any
 
-from codra_dsl.isolation.keeper import LEAVE_MS, STATUS, TERMINATE, TERMINATE_MS
-from codra_dsl.isolation.messages import Line
+from codra_dsl.isolation.messages import Connection
+from codra_dsl.isolation.supervisor import LEAVE_MS, STATUS, TERMINATE, TERMINATE_MS
 
 _LOGGER = logging.getLogger("codra_dsl.perception")
 
 _BOOT = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from codra_dsl.isolation.keeper import main; "
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from codra_dsl.isolation.supervisor import main; "
     "main(*map(int, sys.argv[2:5]), sys.argv[5])"
 )
 _ENDS_WITHIN_S = (LEAVE_MS + TERMINATE_MS) / 1000 + 1.0
@@ -34,30 +34,30 @@ _MAX_LINE = 200
 
 
 class Process:
-    """A process from its start to its end, and the keeper that ends it (`codra_dsl.isolation.keeper`).
+    """A process from its start to its end, and the supervisor that ends it (`codra_dsl.isolation.supervisor`).
 
-    It is spawned, never forked, and shares nothing with the program but a connection. What it prints goes to the logger
-    `codra_dsl.perception`, slowly: a process that floods its output waits, and nobody else does.
+    It is spawned, never forked, and shares only a connection with the program. Its output goes to the logger
+    `codra_dsl.perception` at a limited rate: if a process floods its output, only this process waits.
 
     Attributes:
-        line: the connection to it.
-        is_doomed: whether it was told to end.
+        connection: the connection to the process.
+        is_doomed: whether the process was ordered to end.
     """
 
     def __init__(self, name: str, call: str) -> None:
         """Start it.
 
         Args:
-            name: of the algorithm.
-            call: what the process imports.
+            name: the name of the algorithm.
+            call: the function or class that the process imports.
 
         Raises:
-            OSError: if the machine can start no more processes.
+            OSError: if the machine cannot start another process.
         """
         talk, their_talk = socket.socketpair()
         life, their_life = socket.socketpair()
         with their_talk, their_life:
-            self._keeper = subprocess.Popen(
+            self._supervisor = subprocess.Popen(
                 _command(their_talk.fileno(), their_life.fileno(), call),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
@@ -65,7 +65,7 @@ class Process:
                 pass_fds=(their_talk.fileno(), their_life.fileno()),
                 start_new_session=True,
             )
-        self.line = Line(talk)
+        self.connection = Connection(talk)
         self.is_doomed = False
         self._name = name
         self._life = life
@@ -74,7 +74,7 @@ class Process:
         self._is_terminated = False
         self._printed: deque[str] = deque(maxlen=1)
         self._hang_up = weakref.finalize(self, _hang_up, talk, life, os.getpid())
-        output = self._keeper.stdout
+        output = self._supervisor.stdout
         assert output is not None
         listening = (output, name, self._printed)
         self._listener = threading.Thread(target=_listen, args=listening, name="codra-output", daemon=True)
@@ -82,47 +82,49 @@ class Process:
 
     @property
     def is_silent(self) -> bool:
-        """Return whether it waits for something to do: it has neither ended nor said anything."""
+        """Return whether the process waits for a request: it has neither ended nor sent a message."""
         poll = select.poll()
-        poll.register(self.line.connection, select.POLLIN)
+        poll.register(self.connection.connection, select.POLLIN)
         return not self.is_doomed and not poll.poll(0)
 
     def terminate(self) -> None:
-        """End it at once, by SIGTERM, then by SIGKILL; do not wait for that."""
+        """End the process at once, by SIGTERM, then by SIGKILL, without waiting."""
         self.is_doomed = self._is_terminated = True
         with contextlib.suppress(OSError):
             self._life.send(TERMINATE, socket.MSG_DONTWAIT)
 
     def hang_up(self) -> None:
-        """Let it end by itself, or be ended soon; do not wait for that."""
+        """Let the process end by itself, or be ended soon, without waiting."""
         self.is_doomed = True
         self._hang_up()
 
     def ended(self) -> str:
-        """Wait until it has ended, which it was told to or has done, and return how, in words."""
+        """Wait for the end of the process, and return a text that describes how it ended."""
         with self._ending:
             if self._how is None:
                 self._how = self._awaited_end()
             return self._how
 
     def leave(self) -> None:
-        """Wait for its end where nobody else has to: it was told to end."""
+        """Wait in a separate thread for the end of a process that was ordered to end."""
         threading.Thread(target=self.ended, name="codra-leaving", daemon=True).start()
 
     def _awaited_end(self) -> str:
-        told = b""
+        status = b""
         with contextlib.suppress(OSError):
             self._life.settimeout(_ENDS_WITHIN_S)
-            told = self._life.recv(STATUS.size)
+            status = self._life.recv(STATUS.size)
         self.hang_up()
         self._life.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self._keeper.wait(_ENDS_WITHIN_S)
-        how = _described(STATUS.unpack(told)[0]) if len(told) == STATUS.size else "was lost"
+            self._supervisor.wait(_ENDS_WITHIN_S)
+        how = _described(STATUS.unpack(status)[0]) if len(status) == STATUS.size else "was lost"
         if how != _WELL:
             self._listener.join(_LISTENS_S)
             printed = f"; it printed last: {self._printed[-1]}" if self._printed else ""
-            level = logging.INFO if self._is_terminated else logging.WARNING  # what was ended is told as a failed job
+            level = (
+                logging.INFO if self._is_terminated else logging.WARNING
+            )  # a terminated process is reported as a failed job
             _LOGGER.log(level, "the process of perception %r %s%s", self._name, how, printed)
         return how
 
@@ -133,7 +135,7 @@ def _command(talk_fd: int, life_fd: int, call: str) -> list[str]:
 
 
 def _hang_up(talk: socket.socket, life: socket.socket, program: int) -> None:
-    """Say on both connections that nothing more comes, unless this process only inherited them."""
+    """Shut down both connections, unless this process inherited them from its parent."""
     if os.getpid() == program:
         for connection, how in ((talk, socket.SHUT_RDWR), (life, socket.SHUT_WR)):
             with contextlib.suppress(OSError):
@@ -152,13 +154,13 @@ def _described(status: int) -> str:
 
 
 def _listen(output: IO[bytes], name: str, printed: deque[str]) -> None:
-    """Log what a process prints, at a rate that costs nobody anything."""
+    """Log the output of a process at a limited rate."""
     never = threading.Event()
     with output:
         while data := os.read(output.fileno(), _CHUNK_BYTES):
-            lines = [line[:_MAX_LINE].rstrip() for line in data.decode(errors="replace").splitlines()]
-            for line in filter(None, lines):
-                printed.append(line)
-                _LOGGER.info("%s: %s", name, line)
+            lines = [connection[:_MAX_LINE].rstrip() for connection in data.decode(errors="replace").splitlines()]
+            for connection in filter(None, lines):
+                printed.append(connection)
+                _LOGGER.info("%s: %s", name, connection)
             if len(data) == _CHUNK_BYTES:
                 never.wait(_CHUNK_PERIOD_S)

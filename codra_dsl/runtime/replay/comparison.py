@@ -1,4 +1,4 @@
-"""What a replay derives beside what its journal holds, event by event."""
+"""Compare the events that a replay derives with those of its journal, one by one."""
 
 from __future__ import annotations
 
@@ -6,21 +6,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from codra_dsl.runtime.journal.encoding import message_of
+from codra_dsl.runtime.journal.event_log import EventLog
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.journal.head import Head
-from codra_dsl.runtime.journal.record import Record
-from codra_dsl.runtime.outline import Outline
-from codra_dsl.runtime.outline_changes import Change
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.journal.spec_summary import SpecSummary
+from codra_dsl.runtime.journal.spec_summary_changes import Change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Where a replay first differs from its journal; None stands for no event in that place.
+    """The first difference between a replay and its journal.
 
     Attributes:
-        position: of the event among all that are compared, from 1.
-        because: what the journal names in vain, if that is why it cannot be followed any more.
-        changes: what the package says otherwise than what ran, what is nearest to the event first.
+        position: the position of the event among all compared events, from 1.
+        recorded: the event of the journal; None if it has none at this position.
+        replayed: the event of the replay; None if it has none at this position.
+        because: the name in the journal that the package lacks, if the replay stopped for that reason.
+        changes: the changes of the package since the run, those nearest to the event first.
     """
 
     position: int
@@ -32,13 +34,13 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """What came of a replay.
+    """The result of a replay.
 
     Attributes:
-        compared: how many events are equal.
-        derived: how many events of each kind were derived.
+        compared: the number of equal events.
+        derived: the number of derived events by kind.
         absent: kinds of events that the journal does not hold, and that were therefore not compared.
-        difference: the first, if there is one.
+        difference: the first difference, if there is one.
     """
 
     compared: int
@@ -47,18 +49,22 @@ class Replayed:
     difference: Difference | None
 
 
-class Comparison(Record):
-    """Takes the events of a replay and compares them, one by one, with those of the journal.
+class Comparison(EventLog):
+    """An event log that compares the events of a replay, one by one, with those of the journal.
 
     Attributes:
-        may_go_on: whether events may follow on what is expected.
-        outline: what the spec says of which events are derived.
+        may_go_on: whether further events may follow the expected ones.
+        summary: the summary of the spec that is replayed; None before the replay begins.
+        takes_inputs: whether the log takes inputs, which only the copy needs.
+        position: the number of equal events so far.
+        derived: the number of derived events by kind.
+        difference: the first difference, if there is one so far.
     """
 
-    def __init__(self, expected: Sequence[Event], copy: Record | None) -> None:
+    def __init__(self, expected: Sequence[Event], copy: EventLog | None) -> None:
         super().__init__(limit=1)
         self.may_go_on = False
-        self.outline: Outline | None = None
+        self.summary: SpecSummary | None = None
         self.takes_inputs = copy is not None
         self.position = 0
         self.derived: dict[Kind, int] = {}
@@ -69,13 +75,13 @@ class Comparison(Record):
 
     @property
     def is_over(self) -> bool:
-        """Return whether there is nothing left to compare."""
+        """Return whether the comparison is complete: a difference was found, or all events were compared."""
         return self.difference is not None or self.position == len(self._expected)
 
-    def begin(self, head: Callable[[], Head]) -> None:
-        """Take what the spec says."""
-        about = head()
-        self.outline = about.outline
+    def begin(self, header: Callable[[], RunHeader]) -> None:
+        """Take the spec summary."""
+        about = header()
+        self.summary = about.summary
         if self._copy is not None:
             self._copy.begin(lambda: about)
 
@@ -89,12 +95,12 @@ class Comparison(Record):
                 self._compare(event)
 
     def end(self) -> None:
-        """Take note that nothing more follows."""
+        """Handle the end of the replay."""
         if self._copy is not None:
             self._copy.end()
 
     def miss(self, because: str = "") -> None:
-        """Take note that nothing more follows, although more was recorded."""
+        """Report a difference if the replay ended before the recorded events did."""
         if not self.is_over:
             recorded = self._expected[self.position]
             self.difference = Difference(position=self.position + 1, recorded=recorded, replayed=None, because=because)

@@ -1,4 +1,4 @@
-"""Jobs and time in a replay: both go as the journal says, no function is called and nobody waits."""
+"""Jobs and time in a replay: both follow the journal, without calls of functions and without waiting."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reason
 from codra_dsl.runtime.clock import Clock, Outcome, Timer, Work
 from codra_dsl.runtime.journal.events import Event, Kind
-from codra_dsl.runtime.model import Algorithm
 from codra_dsl.runtime.perception import Failure, Function, Interval, Job, Result
+from codra_dsl.runtime.values.cell import Reason
+from codra_dsl.runtime.values.model import Algorithm
 
 Key = tuple[str, int]
 """An algorithm, and the number of one of its jobs."""
 
 
 class DivergedError(Exception):
-    """The replay has come to where the journal cannot be followed any more; a message says what it names in vain."""
+    """The replay cannot follow the journal any further; if the package lacks a name, the message states it."""
 
 
 class _ReplayedWork(Work):
-    """The time of a job that is not done again: only what it told about its evidence is told anew."""
+    """The time of a job whose function is not called: only its reports about its evidence are repeated."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -33,21 +33,22 @@ class _ReplayedWork(Work):
         return self.instant_s
 
     def sleep(self, duration_s: float) -> None:
-        raise AssertionError(f"no function is called that could sleep {duration_s} s")
+        raise AssertionError(f"a replay calls no function that could sleep {duration_s} s")
 
 
 class ReplayedJobs:
-    """The jobs of a journal: what they told, and what they brought.
+    """The jobs of a journal: their reports about evidence, and their results.
 
     Attributes:
-        calls: makes again what the function of a job asked of the context manager, by the number of the piece of work.
+        calls: repeats the calls that the function of a job made on the context manager, by the number of the job among
+            all jobs.
     """
 
     def __init__(self, events: Iterable[Event]) -> None:
-        self.calls: Callable[[int], None] = _nothing
+        self.calls: Callable[[int], None] = _ignore
         self._works = 0
         self._diverged: DivergedError | None = None
-        self._told: dict[Key, list[tuple[float, Interval]]] = {}
+        self._reports: dict[Key, list[tuple[float, Interval]]] = {}
         self._outcomes: dict[Key, Event] = {}
         self._unstarted: dict[Key, str] = {}
         self._pending: dict[Key, Callable[[Any], None]] = {}
@@ -63,7 +64,7 @@ class ReplayedJobs:
         match event.kind, event.what:
             case Kind.INPUT, "evidence":
                 start_s, stamp_s = event.details["evidence_s"]
-                self._told.setdefault(key, []).append((event.details["told_s"], Interval(start_s, stamp_s)))
+                self._reports.setdefault(key, []).append((event.details["told_s"], Interval(start_s, stamp_s)))
             case Kind.INPUT, "unstarted":
                 self._unstarted[key] = event.details["message"]
             case Kind.JOB, "returned" | "failed":
@@ -72,15 +73,15 @@ class ReplayedJobs:
                 pass
 
     def find(self, algorithm: Algorithm) -> Function:
-        """Return what stands for the function of an algorithm."""
+        """Return a replacement for the function of an algorithm, which repeats its recorded reports."""
         self._returns[algorithm.name] = tuple(algorithm.returns)
 
         def play(*, job: Job, **_: object) -> Mapping[str, Value]:
             work, _key = self._beginning
             key = (algorithm.name, job.index)
-            for told_s, interval in self._told.get(key, ()):
-                work.instant_s = told_s
-                job.evidence(interval.start_s, told_s if interval.stamp_s is None else interval.stamp_s)
+            for reported_s, interval in self._reports.get(key, ()):
+                work.instant_s = reported_s
+                job.evidence(interval.start_s, reported_s if interval.stamp_s is None else interval.stamp_s)
             self._beginning = (work, key)
             self._call()
             return {}
@@ -88,7 +89,7 @@ class ReplayedJobs:
         return play
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Begin a job, which ends when the journal says so."""
+        """Begin a job, which ends at its recorded end."""
         work = _ReplayedWork()
         self._works += 1
         self._beginning = (work, None)
@@ -104,14 +105,14 @@ class ReplayedJobs:
         return work
 
     def _call(self) -> None:
-        """Make again what the present job asked; whatever is raised in a job stays there, so it is kept."""
+        """Repeat the calls of the present job; keep their error, since errors in a job do not reach its caller."""
         try:
             self.calls(self._works)
         except DivergedError as error:
             self._diverged = error
 
     def deliver(self, key: Key) -> None:
-        """End a job with what it brought in the run."""
+        """End a job with its result in the run."""
         deliver = self._pending.pop(key, None)
         if deliver is None:
             raise DivergedError
@@ -121,13 +122,13 @@ class ReplayedJobs:
         event = self._outcomes.get(key)
         if event is None or event.what == "failed":
             message = "" if event is None else str(event.details.get("message", ""))
-            return Failure(Reason.FAILED, message)  # nobody waits any more for one of which nothing is told
+            return Failure(Reason.FAILED, message)  # without an event, the result was no longer needed
         values = event.details.get("values", {})
         return Result({name: values.get(name) for name in self._returns[key[0]]})
 
 
 class ReplayedClock(Clock):
-    """Time that passes as a journal says. Only a context manager uses it."""
+    """A clock whose time follows a journal. Only the context manager of a replay uses it."""
 
     def __init__(self, start_s: float, jobs: ReplayedJobs) -> None:
         self._now_s = start_s
@@ -141,7 +142,7 @@ class ReplayedClock(Clock):
         return self._now_s
 
     def advance(self, instant_s: float) -> None:
-        """Let it be an instant, or stay at a later one."""
+        """Move to an instant, unless the clock shows a later one."""
         self._now_s = max(self._now_s, instant_s)
 
     def next_s(self) -> float:
@@ -149,7 +150,7 @@ class ReplayedClock(Clock):
         return self._events[0][0] if self._events else math.inf
 
     def step(self) -> None:
-        """Let the next event happen."""
+        """Execute the next event."""
         if not self._events:
             raise DivergedError
         instant_s, _, timer = heapq.heappop(self._events)
@@ -165,20 +166,20 @@ class ReplayedClock(Clock):
         return timer
 
     def notify(self) -> None:
-        """Do nothing: nobody waits."""
+        """Do nothing, since a replay has no waiting threads."""
 
     def start(self, run: Callable[[Work], Outcome], deliver: Callable[[Outcome], None]) -> Work:
-        """Begin a job, which ends when the journal says so."""
+        """Begin a job, which ends at its recorded end."""
         return self._jobs.start(run, deliver)
 
     def sleep(self, duration_s: float) -> None:
-        """Fail: nobody sleeps."""
-        raise AssertionError(f"nobody sleeps {duration_s} s in a replay")
+        """Fail: a replay never sleeps."""
+        raise AssertionError(f"a replay cannot sleep {duration_s} s")
 
     def wait_until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Fail: nobody waits."""
-        raise AssertionError(f"nobody waits {timeout_s} s in a replay for {ready}")
+        """Fail: a replay never waits."""
+        raise AssertionError(f"a replay cannot wait {timeout_s} s for {ready}")
 
 
-def _nothing(_number: int) -> None:
+def _ignore(_number: int) -> None:
     pass

@@ -1,8 +1,8 @@
-"""Why a variable is what it is: the chain from a value to its evidence, or from unknown to what is missing."""
+"""Explain a variable: the chain from its value to the evidence, or from unknown to the missing conditions."""
 
 from __future__ import annotations
 
-from codra_dsl.runtime.why.explaining import Ledgers, explain
+from codra_dsl.runtime.why.explanation import Ledgers, explain
 from codra_dsl.runtime.why.values import Condition, Look, Missing, Way, Why
 
 __all__ = ["Condition", "Ledgers", "Look", "Missing", "Way", "Why", "explain"]

@@ -1,4 +1,4 @@
-"""What an explanation says, as values that print as text."""
+"""The parts of an explanation, as values that print as text."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from codra_dsl.logic import Value
-from codra_dsl.runtime.cell import Reading
-from codra_dsl.runtime.outline import Place
+from codra_dsl.runtime.journal.spec_summary import Place
+from codra_dsl.runtime.values.cell import Reading
 
 _INDENT = "  "
 _FIRST_DATE_S = 1e9
@@ -17,16 +17,16 @@ _LAST_DATE_S = 1e11
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missing:
-    """Something without which a variable cannot be observed.
+    """A change without which a variable cannot be observed.
 
     Attributes:
-        variable: what would have to be otherwise.
-        condition: the condition of the spec that does not hold, or what is to be done.
-        value: a value of the variable with which it would hold, given the others that are missing; None where a value
-            would not help.
-        unit: of the value.
-        from_s: when it will hold without anybody doing anything; None if not for that.
-        place: of the condition.
+        variable: the variable that would have to change.
+        condition: the condition of the spec that does not hold, or the necessary action.
+        value: a value of the variable for which the condition would hold, given the other missing changes; None if a
+            value would not help.
+        unit: the unit of the value.
+        from_s: when the condition will hold without any action; None if it will not hold by itself.
+        place: the place of the condition in the spec.
     """
 
     variable: str
@@ -44,11 +44,13 @@ class Missing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """A precondition, as it was at an instant.
+    """The state of a precondition at an instant.
 
     Attributes:
-        holds: None if that is unknown: then it does not hold.
-        because: why the variables that it reads are what they are.
+        text: the condition.
+        holds: whether it holds; None if that is unknown, which counts as not holding.
+        because: the explanations of the variables that it reads.
+        place: the place of the condition in the spec.
     """
 
     text: str
@@ -59,16 +61,18 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """The job that a value comes from.
+    """The job that produced a value.
 
     Attributes:
-        index: its number among the jobs of its algorithm.
-        rule: what its result says of the variable.
-        values: its result.
-        start_s: when its evidence began to be taken.
-        stamp_s: when its evidence was taken.
-        under: the preconditions, as they were then.
-        place: of the rule.
+        algorithm: the algorithm.
+        index: the number of the job among those of its algorithm.
+        rule: the rule that computes the variable from the result.
+        values: the result.
+        units: the units of the result's values.
+        start_s: when the acquisition of its evidence began.
+        stamp_s: when the acquisition of its evidence ended.
+        under: the preconditions at that time.
+        place: the place of the rule in the spec.
     """
 
     algorithm: str
@@ -84,13 +88,15 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """An algorithm by which a variable can be observed, and what keeps it from being so.
+    """An algorithm by which a variable can be observed, and the obstacles.
 
     Attributes:
-        conditions: its preconditions, at the instant of the question.
-        blocked_by: those that do not hold.
-        doing: what it does, or what came of its last job, in words; empty if it never had one.
-        missing: what would have to be otherwise for it to look.
+        algorithm: the algorithm.
+        conditions: its preconditions, at the instant of the explanation.
+        blocked_by: the preconditions that do not hold.
+        doing: a sentence about its running or last job; empty if it never had one.
+        missing: the changes that it needs before it can look.
+        place: the place of the algorithm in the spec.
     """
 
     algorithm: str
@@ -107,19 +113,20 @@ class Way:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Why:
-    """Why a variable is what it is at an instant; `str` of it is a text for people.
+    """The explanation of a variable at an instant; `str()` returns it as readable text.
 
     Attributes:
         at_s: the instant, on the run's clock.
-        reading: what is known of the variable.
-        unit: of its value.
-        place: of its declaration.
-        story: how it came to that, in sentences.
-        look: the job that the value comes from, if it was one.
-        poses: the edges with poses from which it follows, if it follows from poses.
-        ways: the algorithms that identify it, by rank; none, if it is for others to write.
-        missing: what keeps it from being observed at that instant, known or not: of the way that lacks least.
-        is_told: whether it is told elsewhere in the same explanation; then nothing more is said here.
+        reading: the reading of the variable.
+        unit: the unit of its value.
+        place: the place of its declaration in the spec.
+        story: the history of the reading, in sentences.
+        look: the job that produced the value, if one did.
+        poses: the explanations of the edges whose poses determine it, if poses do.
+        ways: the algorithms that identify it, by rank; empty if other sources write it.
+        missing: the changes without which it cannot be observed at that instant, even if it is known; for several
+            algorithms, those of the one with the fewest.
+        is_told: whether the same explanation contains it elsewhere; then the details are left out here.
     """
 
     at_s: float
@@ -151,8 +158,8 @@ def _lines_of(why: Why) -> Iterator[str]:
     reading = why.reading
     unit = f" {why.unit}" if why.unit else ""
     state = f"{shown(reading.content)}{unit}" if reading.known else f"unknown ({reading.reason})"
-    told = ", as told above" if why.is_told else ""
-    yield f"{why.variable} is {state} at {instant(why.at_s)}{told}{_at(why.place)}"
+    repeated = ", as explained above" if why.is_told else ""
+    yield f"{why.variable} is {state} at {instant(why.at_s)}{repeated}{_at(why.place)}"
     for sentence in why.story:
         yield f"{_INDENT}{sentence}"
     if why.look is not None:
@@ -169,7 +176,7 @@ def _lines_of_look(look: Look) -> Iterator[str]:
     units = look.units
     values = (f"{key} = {shown(value)}{_spaced(units.get(key))}" for key, value in look.values.items())
     yield f"perception {look.algorithm} saw {', '.join(values) or 'nothing'} (job {look.index})"
-    yield f"{_INDENT}which makes it: {look.rule}{_at(look.place)}"
+    yield f"{_INDENT}by the rule: {look.rule}{_at(look.place)}"
     for condition in look.under:
         yield from _indented(_lines_of_condition(condition))
 
@@ -220,7 +227,7 @@ def seconds(duration_s: float) -> str:
 
 
 def instant(instant_s: float) -> str:
-    """Return an instant as text, to the millisecond: the time of day where the clock counts from 1970."""
+    """Return an instant as text, to the millisecond; if the clock counts from 1970, as date and time in UTC."""
     if not _FIRST_DATE_S <= instant_s < _LAST_DATE_S:
         return seconds(instant_s)
     return datetime.fromtimestamp(instant_s, UTC).isoformat(" ", "milliseconds").replace("+00:00", " UTC")

@@ -1,4 +1,4 @@
-"""The tree of frames through time: against a model that keeps all that was said and looks it up anew each time."""
+"""The tree of frames over time, compared with a model that keeps all poses and searches them for every answer."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ EXTRAPOLATE_S = 1.5
 
 @dataclass
 class Model:
-    """All that was said of each frame: by stamp, its parent and its pose as a matrix."""
+    """All poses of every frame: by stamp, its parent and its pose as a matrix."""
 
-    said: dict[str, dict[float, tuple[str | None, Any]]] = field(default_factory=dict)
+    poses: dict[str, dict[float, tuple[str | None, Any]]] = field(default_factory=dict)
 
-    def standing(self, name: str, at_s: float) -> tuple[str | None, Any, Outcome]:
-        said = sorted(self.said.get(name, {}).items())
-        if not said:
+    def placement(self, name: str, at_s: float) -> tuple[str | None, Any, Outcome]:
+        track = sorted(self.poses.get(name, {}).items())
+        if not track:
             return None, None, Outcome.EXACT
-        before = [each for each in said if each[0] <= at_s]
+        before = [entry for entry in track if entry[0] <= at_s]
         if not before:
-            return *said[0][1], Outcome.CLAMPED
+            return *track[0][1], Outcome.CLAMPED
         stamp_s, (parent, pose) = before[-1]
         if stamp_s == at_s:
             return parent, pose, Outcome.EXACT
-        after = said[len(before)] if len(before) < len(said) else None
+        after = track[len(before)] if len(before) < len(track) else None
         if after is not None and after[1][0] == parent:
             return parent, blend(pose, after[1][1], (at_s - stamp_s) / (after[0] - stamp_s)), Outcome.INTERPOLATED
         if at_s - stamp_s > EXTRAPOLATE_S:
@@ -47,22 +47,22 @@ class Model:
         return parent, pose, Outcome.EXTRAPOLATED
 
     def to_root(self, name: str, at_s: float) -> tuple[str, Any, list[tuple[str, Outcome]]]:
-        found, path = np.eye(4), []
+        to_root, path = np.eye(4), []
         for _ in range(COUNT + 2):
-            parent, pose, outcome = self.standing(name, at_s)
+            parent, pose, outcome = self.placement(name, at_s)
             if parent is None:
-                return name, found, path
-            found = pose @ found
+                return name, to_root, path
+            to_root = pose @ to_root
             path.append((name, outcome))
             name = parent
         raise AssertionError("a cycle")
 
     def has_cycle(self) -> bool:
-        instants = sorted({stamp for said in self.said.values() for stamp in said})
+        instants = sorted({stamp for track in self.poses.values() for stamp in track})
         probes = [-1e9, *instants, *((a + b) / 2 for a, b in itertools.pairwise(instants))]
         try:
             for at_s in probes:
-                for name in self.said:
+                for name in self.poses:
                     self.to_root(name, at_s)
         except AssertionError:
             return True
@@ -100,16 +100,16 @@ steps = some.lists(
 FREE = Motion(history_s=math.inf, extrapolate_s=EXTRAPOLATE_S)
 
 
-def say(frames: Frames, model: Model, step: tuple[str, str, Pose, float]) -> Frames:
-    """Say a pose to both; they must agree on whether it makes a cycle."""
+def add_pose(frames: Frames, model: Model, step: tuple[str, str, Pose, float]) -> Frames:
+    """Add a pose to both; they must agree on whether it makes a cycle."""
     child, parent, pose, stamp_s = step
-    said = model.said.setdefault(child, {})
-    before = dict(said)
-    said[stamp_s] = (parent, np.array(pose.matrix()))
+    track = model.poses.setdefault(child, {})
+    before = dict(track)
+    track[stamp_s] = (parent, np.array(pose.matrix()))
     if child == parent or model.has_cycle():
-        with pytest.raises(FrameError, match="cannot stand in"):
+        with pytest.raises(FrameError, match="cannot be placed in"):
             frames.with_pose(child, parent, pose, stamp_s, FREE)
-        model.said[child] = before
+        model.poses[child] = before
         return frames
     return frames.with_pose(child, parent, pose, stamp_s, FREE)
 
@@ -125,26 +125,26 @@ def compare(frames: Frames, model: Model, target: str, source: str, at_s: float)
         with pytest.raises(FrameError, match="not connected"):
             frames.transform(target, source, at_s)
         return
-    found = frames.transform(target, source, at_s)
-    np.testing.assert_allclose(np.array(found.pose.matrix()), np.linalg.inv(down) @ up, atol=1e-8)
+    transform = frames.transform(target, source, at_s)
+    np.testing.assert_allclose(np.array(transform.pose.matrix()), np.linalg.inv(down) @ up, atol=1e-8)
     shared = {name for name, _ in ups} & {name for name, _ in downs}
     outcomes = [outcome for name, outcome in (*ups, *downs) if name not in shared]
-    assert found.outcome == max(outcomes, default=Outcome.EXACT)
+    assert transform.outcome == max(outcomes, default=Outcome.EXACT)
     back = frames.transform(source, target, at_s)
-    np.testing.assert_allclose(np.array((found.pose @ back.pose).matrix()), np.eye(4), atol=1e-8)
+    np.testing.assert_allclose(np.array((transform.pose @ back.pose).matrix()), np.eye(4), atol=1e-8)
 
 
 @settings(max_examples=40)
 @given(steps=steps)
-def test_after_any_interleaving_every_answer_is_that_of_all_that_was_said(steps: list[tuple[Any, ...]]) -> None:
+def test_after_any_interleaving_every_answer_equals_that_of_the_model(steps: list[tuple[Any, ...]]) -> None:
     frames, model = Frames(), Model()
     asked = []
     for step in steps:
         match step:
-            case ("set", *said):
-                frames = say(frames, model, tuple(said))
+            case ("set", *arguments):
+                frames = add_pose(frames, model, tuple(arguments))
             case ("remove", child, stamp_s) if child in frames:
-                model.said.setdefault(child, {})[stamp_s] = (None, np.eye(4))
+                model.poses.setdefault(child, {})[stamp_s] = (None, np.eye(4))
                 frames = frames.without_parent(child, stamp_s)
             case ("ask", target, source, at_s):
                 asked.append((target, source, at_s))
@@ -160,7 +160,7 @@ def test_deep_trees_agree_with_matrices_at_every_instant(seed: int) -> None:
     for stamp_s in range(5):
         for number in range(1, COUNT):
             pose = Pose.about(chance.normal(size=3), chance.uniform(-1.5, 1.5), chance.normal(size=3))
-            frames = say(frames, model, (f"f{number}", f"f{number - 1}", pose, float(stamp_s)))
+            frames = add_pose(frames, model, (f"f{number}", f"f{number - 1}", pose, float(stamp_s)))
     for at_s in chance.uniform(-1.0, 6.0, size=10):
         compare(frames, model, "f0", f"f{COUNT - 1}", float(at_s))
         compare(frames, model, f"f{COUNT - 1}", "f2", float(at_s))
@@ -177,12 +177,12 @@ def test_the_figure_of_the_paper_chains_an_inverse_with_an_edge() -> None:
     frames = frames.with_pose("robot", "world", robot, 1.0)
     frames = frames.with_pose("roll_container", "world", container, 1.0)
     by_hand = np.linalg.inv(np.array(robot.matrix())) @ np.array(container.matrix())
-    found = frames.transform("robot", "roll_container", 1.0)
-    np.testing.assert_allclose(np.array(found.pose.matrix()), by_hand, atol=1e-12)
-    assert found.outcome is Outcome.EXACT
+    transform = frames.transform("robot", "roll_container", 1.0)
+    np.testing.assert_allclose(np.array(transform.pose.matrix()), by_hand, atol=1e-12)
+    assert transform.outcome is Outcome.EXACT
 
 
-def test_a_frame_that_is_picked_up_stands_in_the_hand_from_then_on_and_in_the_table_before() -> None:
+def test_a_frame_that_is_picked_up_is_in_the_hand_from_then_on_and_on_the_table_before() -> None:
     frames = Frames()
     frames = frames.with_pose("table", "world", turned(0.0, 1.0), 0.0)
     frames = frames.with_pose("hand", "world", turned(0.0, 3.0), 0.0)
@@ -193,13 +193,13 @@ def test_a_frame_that_is_picked_up_stands_in_the_hand_from_then_on_and_in_the_ta
     assert (frames.parent("cup", 9.0), frames.parent("cup", 11.0)) == ("table", "hand")
 
 
-def test_nothing_is_interpolated_between_two_parents() -> None:
+def test_poses_in_two_parents_are_not_interpolated() -> None:
     frames = Frames()
     frames = frames.with_pose("cup", "table", turned(0.0, 0.0), 0.0)
     frames = frames.with_pose("cup", "hand", turned(0.0, 8.0), 10.0)
     frames = frames.with_pose("table", "world", turned(0.0), 0.0)
-    found = frames.transform("table", "cup", 5.0)
-    assert (found.pose.translation_m, found.outcome) == ((0.0, 0.0, 0.0), Outcome.CLAMPED)
+    transform = frames.transform("table", "cup", 5.0)
+    assert (transform.pose.translation_m, transform.outcome) == ((0.0, 0.0, 0.0), Outcome.CLAMPED)
 
 
 def test_the_outcome_names_the_weakest_edge_and_the_longest_gap() -> None:
@@ -209,17 +209,17 @@ def test_the_outcome_names_the_weakest_edge_and_the_longest_gap() -> None:
     frames = frames.with_pose("arm", "base", turned(0.1), 10.0, arm)
     frames = frames.with_pose("arm", "base", turned(0.2), 10.2, arm)
     frames = frames.with_pose("camera", "arm", turned(0.3), 0.0, Motion(is_static=True))
-    told = [frames.transform("world", "camera", at_s) for at_s in (10.0, 10.1, 10.5, 11.0, 12.3)]
-    assert [(each.outcome.name, each.weakest) for each in told] == [
+    transforms = [frames.transform("world", "camera", at_s) for at_s in (10.0, 10.1, 10.5, 11.0, 12.3)]
+    assert [(transform.outcome.name, transform.weakest) for transform in transforms] == [
         ("EXACT", ""),
         ("CLAMPED", "base"),
         ("CLAMPED", "base"),
         ("CLAMPED", "base"),
         ("STALE", "arm"),
     ]
-    assert [round(each.gap_s, 9) for each in told] == [0.0, 0.1, 0.5, 1.0, 2.3]
-    told_of_arm = [frames.transform("base", "arm", at_s) for at_s in (9.0, 10.1, 10.4, 10.8)]
-    assert [each.outcome.name for each in told_of_arm] == ["CLAMPED", "INTERPOLATED", "EXTRAPOLATED", "CLAMPED"]
+    assert [round(transform.gap_s, 9) for transform in transforms] == [0.0, 0.1, 0.5, 1.0, 2.3]
+    of_arm = [frames.transform("base", "arm", at_s) for at_s in (9.0, 10.1, 10.4, 10.8)]
+    assert [transform.outcome.name for transform in of_arm] == ["CLAMPED", "INTERPOLATED", "EXTRAPOLATED", "CLAMPED"]
 
 
 def test_a_static_edge_is_never_stale_and_moves_in_steps() -> None:
@@ -233,18 +233,18 @@ def test_a_static_edge_is_never_stale_and_moves_in_steps() -> None:
     assert late.pose.angle_rad(turned(0.9)) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_frame_that_is_removed_is_connected_to_nothing_from_then_on() -> None:
+def test_a_frame_that_is_removed_is_not_connected_from_then_on() -> None:
     frames = Frames()
     frames = frames.with_pose("person", "world", turned(0.0, 1.0), 0.0)
     frames = frames.without_parent("person", 5.0)
     assert frames.transform("world", "person", 4.0).pose.translation_m == (1.0, 0.0, 0.0)
-    with pytest.raises(FrameError, match="'person' and 'world' were not connected at 6 s: they stood in 'person'"):
+    with pytest.raises(FrameError, match="'person' and 'world' were not connected at 6 s: their roots were 'person'"):
         frames.transform("world", "person", 6.0)
     frames = frames.with_pose("person", "world", turned(0.0, 2.0), 7.0)
     assert frames.transform("world", "person", 8.0).pose.translation_m == (2.0, 0.0, 0.0)
 
 
-def test_old_poses_are_dropped_and_the_oldest_that_is_kept_holds_before() -> None:
+def test_old_poses_are_dropped_and_the_oldest_kept_pose_holds_before_it() -> None:
     frames = Frames()
     for tick in range(1000):
         frames = frames.with_pose("robot", "world", turned(0.0, float(tick)), tick / 10, Motion(history_s=2.0))
@@ -253,7 +253,7 @@ def test_old_poses_are_dropped_and_the_oldest_that_is_kept_holds_before() -> Non
     assert (round(old.pose.translation_m[0]), old.outcome) == (979, Outcome.CLAMPED)
 
 
-def test_a_past_whose_end_is_not_kept_any_more_is_told_instead_of_turning_in_circles() -> None:
+def test_a_cycle_before_the_history_is_reported() -> None:
     frames = Frames()
     long, short = Motion(history_s=math.inf), Motion(history_s=1.0)
     frames = frames.with_pose("a", "b", turned(0.0), 0.0, long)
@@ -261,7 +261,7 @@ def test_a_past_whose_end_is_not_kept_any_more_is_told_instead_of_turning_in_cir
     frames = frames.with_pose("a", "world", turned(0.0), 5.0, long)
     for stamp_s in (6.0, 7.0, 20.0):
         frames = frames.with_pose("b", "a", turned(0.0), stamp_s, short)
-    with pytest.raises(FrameError, match="what 'a' stood in at 3 s is not kept any more"):
+    with pytest.raises(FrameError, match="the ancestors of 'a' at 3 s are no longer in the history"):
         frames.transform("world", "a", 3.0)
 
 
@@ -269,27 +269,27 @@ def test_a_frame_that_changes_its_parent_moves_from_then_on_as_that_edge_is_decl
     frames = Frames()
     frames = frames.with_pose("cup", "table", turned(0.0, 1.0), 0.0, Motion(valid_for_s=1.0))
     frames = frames.with_pose("cup", "hand", turned(0.0, 2.0), 10.0, Motion(is_static=True))
-    told = [frames.transform(parent, "cup", at_s).outcome for parent, at_s in (("table", 9.0), ("hand", 99.0))]
-    assert told == [Outcome.STALE, Outcome.EXACT]
+    outcomes = [frames.transform(parent, "cup", at_s).outcome for parent, at_s in (("table", 9.0), ("hand", 99.0))]
+    assert outcomes == [Outcome.STALE, Outcome.EXACT]
 
 
 @pytest.mark.parametrize("stamp_s", [math.nan, math.inf, -math.inf])
 def test_a_pose_without_an_instant_is_refused(stamp_s: float) -> None:
-    with pytest.raises(ValueError, match="a pose has an instant"):
+    with pytest.raises(ValueError, match="a pose needs a finite stamp"):
         Frames().with_pose("robot", "world", turned(0.0), stamp_s)
 
 
-def test_what_was_known_before_is_as_it_was_whatever_is_said_later() -> None:
+def test_earlier_frames_are_not_changed_by_later_poses() -> None:
     before = Frames().with_pose("robot", "world", turned(0.0, 1.0), 0.0)
     after = before.with_pose("robot", "world", turned(0.0, 3.0), 1.0)
     other = before.with_pose("robot", "world", turned(0.0, 9.0), 2.0)
     asked = [frames.transform("world", "robot", 1.0) for frames in (before, after, other, before)]
-    assert [each.pose.translation_m[0] for each in asked] == [1.0, 3.0, 5.0, 1.0]
+    assert [transform.pose.translation_m[0] for transform in asked] == [1.0, 3.0, 5.0, 1.0]
 
 
 @settings(max_examples=30)
 @given(steps=steps)
-def test_every_state_that_there_was_still_answers_as_it_did(steps: list[tuple[Any, ...]]) -> None:
+def test_every_earlier_state_gives_the_same_answers(steps: list[tuple[Any, ...]]) -> None:
     frames, seen = Frames(), []
     for step in steps:
         if step[0] == "ask" and step[1] in frames and step[2] in frames:
@@ -297,7 +297,7 @@ def test_every_state_that_there_was_still_answers_as_it_did(steps: list[tuple[An
         elif step[0] == "set" and step[1] != step[2]:
             with contextlib.suppress(FrameError):
                 frames = frames.with_pose(*step[1:], FREE)
-    assert [answer(each, *question) for each, question, _ in seen] == [answered for *_, answered in seen]
+    assert [answer(state, *question) for state, question, _ in seen] == [answered for *_, answered in seen]
 
 
 def answer(frames: Frames, target: str, source: str, at_s: float) -> object:
@@ -307,7 +307,7 @@ def answer(frames: Frames, target: str, source: str, at_s: float) -> object:
         return str(error)
 
 
-def test_slerp_of_scipy_is_what_an_interpolated_edge_gives() -> None:
+def test_an_interpolated_edge_equals_scipys_slerp() -> None:
     frames = Frames()
     a, b = Rotation.from_euler("xyz", [0.3, -0.2, 1.1]), Rotation.from_euler("xyz", [-1.0, 0.4, 0.2])
     for stamp_s, rotation in ((0.0, a), (2.0, b)):
@@ -315,5 +315,5 @@ def test_slerp_of_scipy_is_what_an_interpolated_edge_gives() -> None:
         frames = frames.with_pose("robot", "world", Pose.of((0, 0, 0), (w, x, y, z)), stamp_s)
     slerp = Slerp([0.0, 2.0], Rotation.concatenate([a, b]))
     for at_s in np.linspace(0.0, 2.0, 21):
-        found = np.array(frames.transform("world", "robot", float(at_s)).pose.matrix())[:3, :3]
-        np.testing.assert_allclose(found, slerp(at_s).as_matrix(), atol=1e-12)
+        rotation_matrix = np.array(frames.transform("world", "robot", float(at_s)).pose.matrix())[:3, :3]
+        np.testing.assert_allclose(rotation_matrix, slerp(at_s).as_matrix(), atol=1e-12)

@@ -1,4 +1,4 @@
-"""Rigid motions, beside scipy's rotations and numpy's matrices."""
+"""Rigid motions, compared with scipy's rotations and numpy's matrices."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from codra_dsl.runtime.geometry import IDENTITY, Pose
 lengths = some.floats(-100.0, 100.0)
 vectors = some.tuples(lengths, lengths, lengths)
 parts = some.floats(-1.0, 1.0)
-quaternions = some.tuples(parts, parts, parts, parts).filter(lambda each: math.hypot(*each) > 0.01)
+quaternions = some.tuples(parts, parts, parts, parts).filter(lambda numbers: math.hypot(*numbers) > 0.01)
 poses = some.builds(Pose.of, vectors, quaternions)
 
 
@@ -34,7 +34,7 @@ def near(a: Any, b: Any) -> None:
 
 
 @given(pose=poses)
-def test_a_pose_is_the_matrix_of_its_rotation_and_translation(pose: Pose) -> None:
+def test_the_matrix_of_a_pose_has_its_rotation_and_translation(pose: Pose) -> None:
     near(matrix(pose)[:3, :3], scipys(pose).as_matrix())
     near(matrix(pose)[:3, 3], pose.translation_m)
     near(matrix(Pose.from_matrix(pose.matrix())), matrix(pose))
@@ -53,11 +53,11 @@ def test_a_pose_and_its_inverse_cancel_out(pose: Pose) -> None:
 
 
 @given(a=poses, b=poses, share=some.floats(0.0, 1.0))
-def test_between_two_poses_the_turn_is_the_geodesic(a: Pose, b: Pose, share: float) -> None:
+def test_interpolated_rotations_follow_the_geodesic(a: Pose, b: Pose, share: float) -> None:
     between = a.towards(b, share)
     turn = scipys(a).inv() * scipys(b)
     if turn.magnitude() > math.pi - 1e-6:
-        return  # two ways are as short
+        return  # there are two shortest turns
     near(
         scipys(between).as_matrix(), Slerp([0.0, 1.0], Rotation.concatenate([scipys(a), scipys(b)]))(share).as_matrix()
     )
@@ -65,19 +65,21 @@ def test_between_two_poses_the_turn_is_the_geodesic(a: Pose, b: Pose, share: flo
 
 
 @given(a=poses, b=poses)
-def test_the_angle_between_two_poses_is_that_of_the_turn_between_them(a: Pose, b: Pose) -> None:
+def test_the_angle_between_two_poses_is_that_of_their_relative_rotation(a: Pose, b: Pose) -> None:
     assert a.angle_rad(b) == pytest.approx((scipys(a).inv() * scipys(b)).magnitude(), abs=1e-6)
     assert a.distance_m(b) == pytest.approx(np.linalg.norm(np.subtract(a.translation_m, b.translation_m)))
 
 
-@given(axis=vectors.filter(lambda each: math.hypot(*each) > 0.01), angle_rad=some.floats(-3.0, 3.0))
-def test_a_turn_about_an_axis_goes_by_the_right_hand(axis: tuple[float, float, float], angle_rad: float) -> None:
+@given(axis=vectors.filter(lambda axis: math.hypot(*axis) > 0.01), angle_rad=some.floats(-3.0, 3.0))
+def test_a_rotation_about_an_axis_follows_the_right_hand_rule(
+    axis: tuple[float, float, float], angle_rad: float
+) -> None:
     expected = Rotation.from_rotvec(np.array(axis) / np.linalg.norm(axis) * angle_rad)
     near(scipys(Pose.about(axis, angle_rad)).as_matrix(), expected.as_matrix())
 
 
 @given(a=poses, rate=some.floats(-0.5, 0.5), share=some.floats(1.0, 3.0))
-def test_beyond_the_second_pose_the_motion_goes_on_at_its_rate(a: Pose, rate: float, share: float) -> None:
+def test_beyond_the_second_pose_the_motion_is_extrapolated_at_its_rate(a: Pose, rate: float, share: float) -> None:
     turn = Pose.about((0.0, 0.0, 1.0), rate, (0.1, 0.0, 0.0))
     b = Pose(tuple(np.add(a.translation_m, (0.1, 0.2, 0.3))), (turn @ a).rotation)  # type: ignore[arg-type]
     beyond = a.towards(b, share)
@@ -88,8 +90,8 @@ def test_beyond_the_second_pose_the_motion_goes_on_at_its_rate(a: Pose, rate: fl
 WRONG = {
     "a translation has 3 finite numbers": lambda: Pose.of((1.0, 2.0)),
     "a quaternion has 4 finite numbers": lambda: Pose.of((0, 0, 0), (1.0, 0.0, 0.0, math.nan)),
-    "a quaternion of a rotation is not zero": lambda: Pose.of((0, 0, 0), (0.0, 0.0, 0.0, 0.0)),
-    "an axis has a direction": lambda: Pose.about((0.0, 0.0, 0.0), 1.0),
+    "a rotation needs a quaternion that is not zero": lambda: Pose.of((0, 0, 0), (0.0, 0.0, 0.0, 0.0)),
+    "an axis needs a direction": lambda: Pose.about((0.0, 0.0, 0.0), 1.0),
     "a rigid motion is a 4 x 4 matrix": lambda: Pose.from_matrix(2 * np.eye(4)),
     "a rigid motion is a 4 x 4 matrix: a rotation": lambda: Pose.from_matrix(np.diag([1.0, 1.0, -1.0, 1.0])),
     "a rigid motion is a 4 x 4": lambda: Pose.from_matrix(np.eye(4)[:3]),
@@ -97,7 +99,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("message", WRONG)
-def test_what_is_no_rigid_motion_is_refused(message: str) -> None:
+def test_numbers_that_are_not_a_rigid_motion_are_refused(message: str) -> None:
     with pytest.raises(ValueError, match=message):
         WRONG[message]()
 

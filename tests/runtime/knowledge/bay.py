@@ -9,10 +9,7 @@ from dataclasses import dataclass, field
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence
 
-from codra_dsl.runtime import Clock, ContextManager, ContextModel, Record
-from codra_dsl.runtime.behaviours import ControlFlag, DueOrRunning, Identify, Perceive, Precondition
-from codra_dsl.runtime.conditions import known, value
-from codra_dsl.runtime.declarations import POSES
+from codra_dsl.runtime import Clock, ContextManager, ContextModel, EventLog
 from codra_dsl.runtime.geometry import Motion, Pose
 from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.knowledge.declarations import (
@@ -26,8 +23,11 @@ from codra_dsl.runtime.knowledge.declarations import (
     distance,
     in_view,
 )
-from codra_dsl.runtime.model import Algorithm, ObserverModel, ResourceModel, VariableModel, boolean, real
-from codra_dsl.runtime.observer import Observer
+from codra_dsl.runtime.observers.behaviours import ControlFlag, DueOrRunning, Identify, Perceive, Precondition
+from codra_dsl.runtime.observers.observer import Observer, ObserverModel
+from codra_dsl.runtime.values.conditions import known, value
+from codra_dsl.runtime.values.declarations import POSES
+from codra_dsl.runtime.values.model import Algorithm, ResourceModel, VariableModel, boolean, real
 
 NEAR = "distance(robot, machine) < 0.9 m"
 IN_VIEW = "in_view(cup, eye)"
@@ -138,7 +138,7 @@ def knowledge(extrapolate_s: float = 0.0) -> KnowledgeModel:
 
 
 def manager(
-    clock: Clock, lid: Lid, record: Record | None = None, extrapolate_s: float = 0.0
+    clock: Clock, lid: Lid, record: EventLog | None = None, extrapolate_s: float = 0.0
 ) -> ContextManager[str, str]:
     """Return a context manager of the bay at its start."""
     return ContextManager[str, str](

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from codra_dsl.runtime import Clock, ContextManager, ContextModel, Record
+from codra_dsl.runtime import Clock, ContextManager, ContextModel, EventLog
 from codra_dsl.runtime.knowledge import KnowledgeModel
 from codra_dsl.runtime.knowledge.declarations import AttributeModel, by
-from codra_dsl.runtime.model import VariableModel, boolean, real
+from codra_dsl.runtime.values.model import VariableModel, boolean, real
 from tests.runtime.knowledge.store import STORE
 
 MODEL = ContextModel(
@@ -36,6 +36,6 @@ KNOWLEDGE: KnowledgeModel = replace(
 )
 
 
-def manager(clock: Clock, record: Record | None = None) -> ContextManager[str, str]:
+def manager(clock: Clock, record: EventLog | None = None) -> ContextManager[str, str]:
     """Return a context manager of the store at its start."""
     return ContextManager[str, str](MODEL, clock=clock, resources={}, record=record, knowledge=KNOWLEDGE)

@@ -22,7 +22,7 @@ from codra_dsl.runtime.knowledge.declarations import (
     path,
     ranked,
 )
-from codra_dsl.runtime.model import boolean, member, real
+from codra_dsl.runtime.values.model import boolean, member, real
 
 CAMERA_ON_ROBOT = Pose.about((0.0, 1.0, 0.0), math.pi / 2, (0.2, 0.0, 1.0))
 """The camera looks along the robot's x-axis."""

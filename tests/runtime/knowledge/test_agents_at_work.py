@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, UnknownNameError, WallClock
-from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.knowledge import AgentTakenError, Became, Change, RuleError, Stage
+from codra_dsl.runtime.knowledge import AgentTakenError, Change, RuleError, RuleState, Stage
 from codra_dsl.runtime.knowledge.declarations import AgentModel, RuleModel, absent, path, some
 from codra_dsl.runtime.replay import replay
-from tests.runtime.journals import read
+from codra_dsl.runtime.values.conditions import value
+from tests.runtime.journal.journals import read
 from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL
 
 DETECT = RuleModel(
@@ -124,7 +124,7 @@ def test_a_woken_agent_does_its_task_by_its_rule_and_the_record_tells_it(tmp_pat
                 detection.insert_node("box", "roll_container")
                 detection.place("world", "container_pose", "box", Pose.of((3.0, 0.0, 0.0)))
                 detection.finish(request, "ok")
-            assert acting.became is Became.FULFILLED
+            assert acting.became is RuleState.FULFILLED
 
         detection.on_wake(detect)
         clock.sleep(1.0)
@@ -207,13 +207,15 @@ def test_a_pattern_with_a_type_that_is_misspelt_is_no_pattern_that_never_holds()
 def test_why_asks_for_a_name_where_a_pattern_would_ask_for_some_of_a_type() -> None:
     with store(SimClock()) as codra:
         with pytest.raises(
-            UnknownNameError, match="ask about one roll_container by its name; there was none up to then"
+            UnknownNameError, match="ask about one roll_container by its name; there was none until then"
         ):
             codra.why("robot -close_to-> some roll_container")
         detection = codra.agent("container_detection").graph
         detection.insert_node("crate", "roll_container")
         detection.insert_node("box", "roll_container")
-        with pytest.raises(UnknownNameError, match=r"'some roll_container' is no one thing.*; there were box, crate$"):
+        with pytest.raises(
+            UnknownNameError, match=r"'some roll_container' names no single node.*; there were box, crate$"
+        ):
             codra.why("some roll_container")
 
 
@@ -229,7 +231,7 @@ def test_what_ceases_to_hold_during_an_action_is_noticed_while_it_goes_on() -> N
             picking.abort(request)
             clock.sleep(1.0)
             assert not acting.may_go_on
-        assert acting.became is Became.UNFULFILLED
+        assert acting.became is RuleState.UNFULFILLED
         told = codra.record.of(Kind.KNOWLEDGE, "container_detection.detect")
         assert [event.what for event in told] == ["begun", "broken", "unfulfilled"]
         assert told[1].details["message"] == "robot -is-> detecting does not hold"

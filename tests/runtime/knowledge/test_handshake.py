@@ -237,23 +237,23 @@ def test_steps_of_a_handshake_are_part_of_a_transaction(knowledge: Knowledge) ->
         assert stage(knowledge) == (None, "")
     assert stage(knowledge) == (Stage.WANTS, "")
 
-    def attempt() -> None:
+    def job_run() -> None:
         with worker.transaction() as write:
             write.acknowledge(request)
             ann.abort(request)
 
     with pytest.raises(ConflictError, match=r"request 1 of 'detecting' is aborted by now \(requester\)"):
-        attempt()
+        job_run()
 
 
 def test_a_request_that_another_was_given_meanwhile_is_not_given_twice(knowledge: Knowledge) -> None:
     ann, bob = knowledge.as_agent("ann"), knowledge.as_agent("bob")
 
-    def attempt() -> None:
+    def job_run() -> None:
         with ann.transaction() as write:
             write.request("detecting")
             bob.abort(bob.request("detecting"))
 
     with pytest.raises(ConflictError, match="handed over otherwise while the transaction was made"):
-        attempt()
+        job_run()
     assert knowledge.snapshot().handover("detecting").number == 1

@@ -26,9 +26,9 @@ NO_POSES = {
         Pose((10**400, 0, 0)),
     ],
     "a quaternion has 4 finite numbers": [Pose((0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0))],
-    "a quaternion of a rotation is not zero": [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))],
-    "'robot' stands at a Pose, not at a tuple": [(0.0, 0.0, 0.0)],
-    "'robot' stands at a Pose, not at a NoneType": [None],
+    "a rotation needs a quaternion that is not zero": [Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))],
+    "'robot' needs a Pose, not a tuple": [(0.0, 0.0, 0.0)],
+    "'robot' needs a Pose, not a NoneType": [None],
 }
 
 
@@ -68,7 +68,7 @@ def test_a_chain_of_thousands_is_followed_and_closed_to_no_circle() -> None:
     for number in range(1, count):
         hand.place(f"n{number - 1}", "moves", f"n{number}", Pose((1.0, 0.0, 0.0)))
     assert knowledge.transform("n0", f"n{count - 1}").pose.translation_m == (count - 1.0, 0.0, 0.0)
-    with pytest.raises(FrameError, match=f"'n0' cannot stand in 'n{count - 1}' from 0 s on"):
+    with pytest.raises(FrameError, match=f"'n0' cannot be placed in 'n{count - 1}' from 0 s on"):
         hand.place(f"n{count - 1}", "moves", "n0", Pose())
 
 
@@ -114,13 +114,13 @@ def test_a_circle_by_new_parents_is_refused_with_all_of_its_transaction() -> Non
     hand.place("n0", "moves", "n1", Pose())
     hand.place("n1", "moves", "n2", Pose())
 
-    def attempt() -> None:
+    def job_run() -> None:
         with hand.transaction() as write:
             write.place("n3", "moves", "n1", Pose())
             write.place("n2", "moves", "n3", Pose())
 
-    with pytest.raises(FrameError, match="'n3' cannot stand in 'n2' from 0 s on"):
-        attempt()
+    with pytest.raises(FrameError, match="'n3' cannot be placed in 'n2' from 0 s on"):
+        job_run()
     assert [str(edge) for edge in knowledge.snapshot().edges("RT")] == ["n0 -RT-> n1", "n1 -RT-> n2"]
 
 

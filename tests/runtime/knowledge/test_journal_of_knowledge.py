@@ -14,13 +14,13 @@ import pytest
 from mcap.reader import make_reader
 
 from codra_dsl.runtime import ContextManager, Event, Journal, Kind, NotASourceError, SimClock, WallClock
+from codra_dsl.runtime.errors import UnknownNameError
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.journal.ledger import Ledger
+from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.knowledge import ConflictError, Snapshot
-from codra_dsl.runtime.names import UnknownNameError
 from codra_dsl.runtime.replay import knowledge_at, replay
 from codra_dsl.runtime.why import explain
-from tests.runtime.journals import read
+from tests.runtime.journal.journals import read
 from tests.runtime.knowledge.manager import KNOWLEDGE, MODEL, manager
 
 
@@ -177,28 +177,28 @@ box.locked is true at 12 s
   written as true by agent picker_page at 11.5 s, change 6, valid until 16.5 s""",
     ("box.load", 12.0): """\
 box.load is unknown (never_observed) at 12 s
-  refused to agent container_detection at 11.5 s: 'box.load' is for picker_page to write, \
+  agent container_detection was refused at 11.5 s: 'box.load' is for picker_page to write, \
 not for 'container_detection'""",
     ("box", 12.0): """\
 box is true at 12 s
   inserted by agent container_detection at 11.5 s, change 5""",
     ("box -close_to-> robot", 14.5): """\
 box -close_to-> robot is false at 14.5 s
-  drawn by agent container_detection at 11.5 s, change 5
+  inserted by agent container_detection at 11.5 s, change 5
   deleted by agent container_detection at 14.5 s, change 11""",
     ("world -RT-> box", 12.0): """\
 world -container_pose-> box is true at 12 s
-  drawn by agent container_detection at 11.5 s, change 5
+  inserted by agent container_detection at 11.5 s, change 5
   placed at (3, 0, 0) m by agent container_detection at 11.5 s, change 5""",
     ("detecting", 12.0): """\
 detecting is 'is' at 12 s
-  there from the start, 10 s
-  asked for by agent picking at 11 s, change 4 (request 1 of picking, until 12 s at the latest)
+  present from the start, 10 s
+  requested by agent picking at 11 s, change 4 (request 1 of picking, until 12 s at the latest)
   begun by agent container_detection at 11.5 s, change 5 (request 1 of picking, until 71.5 s at the latest)""",
     ("robot -wants-> rotating", 14.0): """\
 rotating is 'aborted' at 14 s
-  there from the start, 10 s
-  asked for by agent picking at 12.5 s, change 9 (request 1 of picking, until 13.5 s at the latest)
+  present from the start, 10 s
+  requested by agent picking at 12.5 s, change 9 (request 1 of picking, until 13.5 s at the latest)
   aborted by the graph itself at 13.5 s, change 10 (request 1 of picking, unacknowledged)""",
 }
 
@@ -208,7 +208,7 @@ def test_why_tells_who_wrote_knowledge_when_and_in_which_change(name: str, at_s:
     codra = run(tmp_path / "run.mcap")
     assert str(codra.why(name, at_s=at_s)) == WHYS[name, at_s]
     head, events = read(tmp_path / "run.mcap")
-    assert str(explain(head.outline, lambda until_s: Ledger.of(events, until_s), name, at_s)) == WHYS[name, at_s]
+    assert str(explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s)) == WHYS[name, at_s]
 
 
 def test_why_tells_what_one_change_deletes_and_makes_again_and_the_attributes_of_what_is_gone() -> None:

@@ -31,7 +31,7 @@ from codra_dsl.runtime.knowledge.declarations import (
     by,
     path,
 )
-from codra_dsl.runtime.model import integer
+from codra_dsl.runtime.values.model import integer
 from tests.runtime.knowledge.store import STORE, store
 
 HERE = Pose.of((1.0, 2.0, 0.0))
@@ -336,7 +336,7 @@ def test_a_transaction_of_which_one_part_is_refused_changes_nothing(is_caught: b
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
-    def attempt() -> None:
+    def job_run() -> None:
         with detection.transaction() as write:
             write.insert_node("box", "roll_container")
             try:
@@ -346,7 +346,7 @@ def test_a_transaction_of_which_one_part_is_refused_changes_nothing(is_caught: b
                     raise
 
     with pytest.raises(NotASourceError, match=r"'battery\.level' is for navigation"):
-        attempt()
+        job_run()
     assert "box" not in knowledge.snapshot()
     assert len(knowledge.refusals()) == 1
 
@@ -355,13 +355,13 @@ def test_a_transaction_that_the_program_breaks_off_changes_nothing() -> None:
     knowledge = store()
     detection = knowledge.as_agent("container_detection")
 
-    def attempt() -> None:
+    def job_run() -> None:
         with detection.transaction() as write:
             write.insert_node("box", "roll_container")
             raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        attempt()
+        job_run()
     assert "box" not in knowledge.snapshot()
 
 
@@ -369,13 +369,13 @@ def test_what_a_transaction_that_failed_wrote_is_in_no_history() -> None:
     knowledge = store()
     navigation = knowledge.as_agent("navigation")
 
-    def attempt() -> None:
+    def job_run() -> None:
         with navigation.transaction() as write:
             write.set("battery", "level", 1.0)
             raise TimeoutError
 
     with pytest.raises(TimeoutError):
-        attempt()
+        job_run()
     navigation.set("battery", "level", 2.0)
     assert [each.value for each in knowledge.snapshot().history("battery", "level")] == [80.0, 2.0]
 
@@ -388,14 +388,14 @@ def test_a_transaction_is_done_again_on_what_others_have_written_meanwhile() -> 
         people.insert_node("anna", "person")
     assert {"box", "anna"} <= {node.name for node in knowledge.snapshot().nodes()}
 
-    def attempt() -> None:
+    def job_run() -> None:
         with detection.transaction() as write:
             write.insert_node("crate", "roll_container")
             write.insert_node("case", "roll_container")
             detection.insert_node("crate", "roll_container")
 
     with pytest.raises(PresentError, match="there is a node 'crate' already"):
-        attempt()
+        job_run()
     assert "case" not in knowledge.snapshot()
 
 

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 
 from codra_dsl.runtime import SimClock
 from codra_dsl.runtime.knowledge import AgentHandle, Knowledge
+from codra_dsl.runtime.knowledge.agent_handle import Writer
 from codra_dsl.runtime.knowledge.declarations import AttributeModel, EdgeTypeModel, KnowledgeModel, NodeTypeModel, by
 from codra_dsl.runtime.knowledge.knowledge import MOST_PAST
 from codra_dsl.runtime.knowledge.snapshot import Snapshot
-from codra_dsl.runtime.knowledge.writing import Writer
-from codra_dsl.runtime.model import integer
-from codra_dsl.runtime.persistent import PersistentMap
+from codra_dsl.runtime.values.model import integer
+from codra_dsl.runtime.values.persistent import PersistentMap
 
 MOST = 3
 

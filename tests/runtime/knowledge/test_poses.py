@@ -234,7 +234,7 @@ def test_a_pose_of_the_future_and_a_circle_are_refused() -> None:
     before = knowledge.snapshot().version
     with pytest.raises(ValueError, match=r"a pose of 'n1' was measured at 0\.0 at the latest, not at 1\.0"):
         hand.place("n0", "moves", "n1", Pose(), stamp_s=1.0)
-    with pytest.raises(FrameError, match="'n0' cannot stand in 'n2' from 0 s on: that stands in it"):
+    with pytest.raises(FrameError, match="'n0' cannot be placed in 'n2' from 0 s on: this makes a cycle"):
         hand.place("n2", "moves", "n0", Pose())
     with pytest.raises(ValueError, match="an edge of type 'moves' has a pose: place 'n3' in 'n2'"):
         hand.insert_edge("n2", "moves", "n3")

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 
 from codra_dsl.runtime import ContextManager, Journal, Kind, NotASourceError, SimClock, WallClock
-from codra_dsl.runtime.cell import Reason
 from codra_dsl.runtime.geometry import Pose
-from codra_dsl.runtime.journal.ledger import Ledger
+from codra_dsl.runtime.journal.latest_events import LatestEvents
 from codra_dsl.runtime.knowledge.declarations import distance
 from codra_dsl.runtime.replay import replay
+from codra_dsl.runtime.values.cell import Reason
 from codra_dsl.runtime.why import explain
-from tests.runtime.journals import read
+from tests.runtime.journal.journals import read
 from tests.runtime.knowledge.bay import (
     ASKED,
     CUP_NEAR,
@@ -39,7 +39,7 @@ def drive(codra: ContextManager[str, str], *positions_m: float) -> None:
     navigation = codra.agent("navigation")
     for x_m in positions_m:
         navigation.graph.place("world", "robot_pose", "robot", Pose.of((x_m, 0.0, 0.0)))
-        codra._time.sleep(0.5)
+        codra.clock.sleep(0.5)
     navigation.close()
 
 
@@ -222,21 +222,21 @@ def test_why_tells_who_placed_what_and_why_it_is_unknown(tmp_path: Path) -> None
     head, events = read(tmp_path / "run.mcap")
 
     def why(name: str, at_s: float) -> str:
-        return str(explain(head.outline, lambda until_s: Ledger.of(events, until_s), name, at_s))
+        return str(explain(head.summary, lambda until_s: LatestEvents.of(events, until_s), name, at_s))
 
     assert why(NEAR, 13.0) == (
         f"{NEAR} is true at 13 s\n"
-        "  so by poses since 12.7 s\n"
+        "  determined by poses since 12.7 s\n"
         "  world -robot_pose-> robot is true at 13 s\n"
-        "    drawn by agent navigation at 10 s, change 2\n"
+        "    inserted by agent navigation at 10 s, change 2\n"
         "    placed at (3.6, 0, 0) m by agent navigation at 12.7 s, change 9\n"
         "  world -fixed-> machine is true at 13 s\n"
-        "    there from the start, 10 s\n"
+        "    present from the start, 10 s\n"
         "    placed at (4, 0, 0) m from the start, 10 s"
     )
     told = why("lid_open", 16.0)
     assert f"{NEAR} is unknown (stale) at 16 s\n" in told
-    assert "so since 15.2 s: the pose of 'robot' is too old\n" in told
+    assert "unknown since 15.2 s: the pose of 'robot' is too old\n" in told
     assert "placed at (3.6, 0, 0) m by agent navigation at 13.2 s" in told
     assert told.endswith(f"missing: {NEAR} = true")
 
@@ -327,7 +327,7 @@ def test_each_comparison_is_at_any_instant_what_poses_say_then(
 
 def check(codra: ContextManager[str, str], hand: ByHand) -> None:
     """Compare all readings with what is so by hand; what moves on beyond its newest pose is asked each 10 ms."""
-    now_s = codra._time.now_s()
+    now_s = codra.clock.now_s()
     instants_s = [now_s] if hand.extrapolate_s == 0.0 else [now_s - 0.001 * step for step in range(12)]
     allowed = [hand.truths(instant_s) for instant_s in instants_s]
     for name in (NEAR, IN_VIEW, CUP_NEAR, ASKED):

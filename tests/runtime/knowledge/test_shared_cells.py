@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codra_dsl.runtime import ContextManager, Kind, NotASourceError, NotOfTypeError, SimClock, WallClock
-from codra_dsl.runtime.conditions import value
 from codra_dsl.runtime.knowledge import AgentTakenError, Knowledge, Transaction
+from codra_dsl.runtime.remote import open_session
+from codra_dsl.runtime.values.conditions import value
 from tests.runtime.knowledge.manager import MODEL, manager
 from tests.runtime.knowledge.store import STORE
 
@@ -70,7 +71,7 @@ def test_both_sides_have_the_same_history_whoever_writes_in_whatever_order(
         for side, level, age_s, pause_s in steps:
             evidence_s = clock.now_s() - age_s
             if side == "context":
-                codra.inputs.write("charge", level, "navigation", evidence_s)
+                codra.commands.write("charge", level, "navigation", evidence_s)
             elif side == "transaction":
                 with graph.transaction() as transaction:
                     transaction.set("battery", "charge", level, evidence_s=evidence_s)
@@ -300,7 +301,7 @@ def test_a_session_has_an_agent_from_its_first_write_to_its_end() -> None:
     told: list[dict[str, Any]] = []
     written = {"codra": 1, "id": 1, "ask": "set", "variable": "charge", "value": 50.0, "agent": "navigation"}
     with manager(SimClock()) as codra:
-        session, another = codra.session(told.append), codra.session(told.append)
+        session, another = open_session(codra, told.append), open_session(codra, told.append)
         program = codra.agent("navigation")
         session.receive(written)
         program.close()

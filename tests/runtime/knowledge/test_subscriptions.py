@@ -13,16 +13,7 @@ from codra_dsl.logic import age, known, value
 from codra_dsl.runtime import Reason, SimClock, UnknownNameError, WallClock
 from codra_dsl.runtime.geometry import Pose
 from codra_dsl.runtime.knowledge import AgentHandle, Change, Knowledge
-from codra_dsl.runtime.knowledge.declarations import (
-    Path,
-    absent,
-    anything,
-    backward,
-    distance,
-    in_view,
-    path,
-    some,
-)
+from codra_dsl.runtime.knowledge.declarations import Path, absent, anything, backward, distance, in_view, path, some
 from tests.runtime.knowledge.store import store
 
 PATIENCE_S = 60.0

@@ -1,4 +1,4 @@
-from codra_dsl.worlds.lab.robot import Station
+from codra_papers.lab.robot import Station
 
 
 def execute(self, inputs, outputs, gvm):

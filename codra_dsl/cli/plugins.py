@@ -1,0 +1,88 @@
+"""Commands and worlds of other distributions, found by their entry points.
+
+A command is a function that typer takes, or a `typer.Typer`, in the entry-point group `codra.commands`. Plug-ins are
+listed without being imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+from codra_dsl.cli.console import ExitCode, say
+
+if TYPE_CHECKING:
+    from typer._click import Command, Context
+
+COMMANDS = "codra.commands"
+WORLDS = "codra.worlds"
+
+PAPERS = "codra-papers"
+"""The distribution with the worlds and experiments of the papers."""
+
+
+def plugins(group: str) -> Mapping[str, EntryPoint]:
+    """Return the entry points of a group by name, sorted; of several with one name, the first on the path."""
+    found: dict[str, EntryPoint] = {}
+    for entry_point in entry_points(group=group):
+        found.setdefault(entry_point.name, entry_point)
+    return dict(sorted(found.items()))
+
+
+def load_plugin(entry_point: EntryPoint) -> Any:
+    """Import a plug-in and return what its entry point names; if that fails, say so in one line and exit."""
+    kind = "command" if entry_point.group == COMMANDS else "world"
+    try:
+        return entry_point.load()
+    except Exception as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        say(f"codra: the {kind} '{entry_point.name}'{_origin(entry_point)} cannot be loaded: {reason}")
+        raise typer.Exit(ExitCode.FAILED) from error
+
+
+def _origin(entry_point: EntryPoint) -> str:
+    return f" from {entry_point.dist.name}" if entry_point.dist is not None else ""
+
+
+class PluginGroup(TyperGroup):
+    """The commands of `codra`: its own and those of other distributions. Its own ones cannot be replaced."""
+
+    def list_commands(self, ctx: Context) -> list[str]:
+        """Return the names of all commands, its own first."""
+        own = super().list_commands(ctx)
+        return [*own, *(name for name in plugins(COMMANDS) if name not in own)]
+
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
+        """Return a command by its name; one of another distribution is imported when it is run."""
+        own = super().get_command(ctx, cmd_name)
+        if own is not None:
+            return own
+        entry_point = plugins(COMMANDS).get(cmd_name)
+        return None if entry_point is None else _PluginCommand(entry_point)
+
+
+class _PluginCommand(TyperCommand):
+    """A command of another distribution, which is imported as soon as its arguments are parsed."""
+
+    def __init__(self, entry_point: EntryPoint) -> None:
+        super().__init__(entry_point.name, help=f"A command{_origin(entry_point)}.", rich_markup_mode=None)
+        self._entry_point = entry_point
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Context | None = None, **extra: Any) -> Any:
+        """Return the context of the imported command."""
+        command = command_of(load_plugin(self._entry_point), self._entry_point.name)
+        return command.make_context(info_name, args, parent, **extra)
+
+
+def command_of(declared: Any, name: str, cls: type[TyperCommand] = TyperCommand) -> Command:
+    """Return the command that a function, or a `typer.Typer`, declares."""
+    if isinstance(declared, typer.Typer):
+        return get_command(declared)
+    app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+    app.command(name, cls=cls)(declared)
+    return get_command(app)

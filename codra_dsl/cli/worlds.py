@@ -1,0 +1,96 @@
+"""Worlds: what `codra run SPEC --world NAME` runs a spec in.
+
+A world is a function. Its first argument is a `RunRequest`, which has what the command was given; its other parameters
+are options of its own, declared as for a typer command. The command has the options of `RunRequest` and those::
+
+    def arena(request: RunRequest, *, wind: Annotated[float, typer.Option("--wind", help="In m/s.")] = 0.0) -> None:
+        \"\"\"An arena with wind.\"\"\"
+        with tempfile.TemporaryDirectory() as folder:
+            compiled = compile_and_load(request.plan, Path(folder))
+            ...
+
+A distribution registers it in the entry-point group `codra.worlds`::
+
+    [project.entry-points."codra.worlds"]
+    arena = "my_robot.worlds:arena"
+
+The world prints its results with `write_result` of `codra_dsl.cli.console` and ends a failed run with
+`typer.Exit(ExitCode.FAILED)`. Its docstring is shown by `codra run --world NAME --help`. Import simulators inside the
+function, so that help is shown quickly, and also where they are not installed.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Concatenate
+
+if TYPE_CHECKING:
+    from codra_dsl.generation.build_plan import BuildPlan
+    from codra_dsl.language.model import Spec
+
+__all__ = ["Pace", "Progress", "RunRequest", "World"]
+
+_PROGRESS_EVERY_S = 10.0
+
+
+class Pace(StrEnum):
+    """How time passes: as fast as it can be computed, or in real time."""
+
+    FAST = "fast"
+    REAL = "real"
+
+
+class Progress:
+    """Shows the simulated time of a run on a terminal; elsewhere it shows nothing."""
+
+    def __init__(self) -> None:
+        self._is_shown = sys.stderr.isatty()
+        self._shown_s = 0.0
+
+    def __call__(self, now_s: float) -> None:
+        """Show an instant, if the last one was shown more than 10 s of simulated time ago."""
+        if self._is_shown and now_s - self._shown_s >= _PROGRESS_EVERY_S:
+            self._shown_s = now_s
+            print(f"\r{now_s:8.0f} s", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Let the results overwrite the instant that is shown."""
+        if self._is_shown:
+            print("\r", end="", file=sys.stderr)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRequest:
+    """A run that the command line asks for.
+
+    Attributes:
+        plan: the build plan of the spec, which has no errors. `compile_and_load` of `codra_dsl.integrations.inspection` takes it.
+        root: the folder of the project, which is on `sys.path`.
+        seed: the seed of all random choices.
+        duration_s: how long the run lasts; None if the world decides.
+        pace: how time passes.
+        out: the folder for pictures and records; None if the world decides.
+        journal: the file for the run's journal; None for no journal.
+        progress: to be called with the present instant now and then.
+    """
+
+    plan: BuildPlan
+    root: Path
+    seed: int = 1
+    duration_s: float | None = None
+    pace: Pace = Pace.FAST
+    out: Path | None = None
+    journal: Path | None = None
+    progress: Progress = field(default_factory=Progress)
+
+    @property
+    def spec(self) -> Spec:
+        """Return the spec, with its templates expanded."""
+        return self.plan.checked.spec
+
+
+World = Callable[Concatenate[RunRequest, ...], None]

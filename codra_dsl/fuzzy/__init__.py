@@ -1,8 +1,0 @@
-"""Fuzzy engines as values: read from and written to the FuzzyLite Language, compiled to Python."""
-
-from codra_dsl.fuzzy.compile import compile_engine
-from codra_dsl.fuzzy.read import Read, read_fll
-from codra_dsl.fuzzy.rules import RULES
-from codra_dsl.fuzzy.write import write_fll
-
-__all__ = ["RULES", "Read", "compile_engine", "read_fll", "write_fll"]

@@ -1,0 +1,1 @@
+"""From a `CheckedSpec` to the files of a package."""

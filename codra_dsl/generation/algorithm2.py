@@ -1,0 +1,162 @@
+"""Algorithm 2 of P1: "Building a system of context observers as behavior forest".
+
+     1  procedure BUILD_OBSERVER_SYSTEM(E)
+     2    F <- {}, M <- {}
+     3    Pi <- IDENTIFY_PERCEPTION_ALGORITHMS(E)             where decisions are based on perception
+     4    for all pi_i in Pi do
+     5      c_i <- DEFINE_CONTEXT_VARIABLE(pi_i)
+     6      PROCESS_CONTEXT_VARIABLE(c_i, F, M)
+     8    return F, M
+    10  procedure PROCESS_CONTEXT_VARIABLE(c_i, F, M)
+    11    if c_i in C_M then
+    12      return                                            already defined
+    14    C_M <- C_M + {c_i}
+    15    if HAS_PERCEPTION_ALGORITHM(c_i) then
+    16      O_i <- CREATE_BEHAVIOR_TREE()
+    17      ADD_PERCEPTION_BEHAVIOR(O_i, pi_i)
+    18      V_j <- DEFINE_ADDITIONAL_CONTEXT_VARIABLES(pi_i)  based on observability conditions
+    19      for all c'_i in V_j do
+    20        ADD_PRECONDITION_NODE(O_i, c'_i)
+    21        PROCESS_CONTEXT_VARIABLE(c'_i, F, M)
+    23      F <- F + {O_i}
+
+`plan` decides only which trees there are, what goes into which, and what everything is called in Python. Where the
+paper speaks of one variable and one algorithm per tree, its text allows more (section 3.2, Figure 4C), and so do we:
+variables of one algorithm share a tree; algorithms that share a variable are alternatives in one tree, tried by rank;
+and trees whose conditions are the same are joined where `observers` names their variables together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain, pairwise
+
+from codra_dsl.generation.build_plan.dependencies import dependencies
+from codra_dsl.generation.build_plan.gate import verify
+from codra_dsl.generation.build_plan.modules import modules
+from codra_dsl.generation.build_plan.names import MODULE_NAMES, class_name, python_name
+from codra_dsl.generation.build_plan.values import Branch, BuildPlan, Tree
+from codra_dsl.language import graph
+from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
+from codra_dsl.language.model import ObserverSetting
+
+
+def plan(checked: CheckedSpec) -> BuildPlan:
+    """Return what to build for a checked spec, by Algorithm 2 (line 1)."""
+    in_force, forest = _build_observer_system(checked)
+    result = BuildPlan(
+        checked=checked,
+        class_name=class_name(checked.spec.name),
+        in_force=in_force,
+        forest=forest,
+        modules=modules(checked, forest),
+        edges=dependencies(checked, forest),
+    )
+    verify(result, checked)
+    return result
+
+
+def _build_observer_system(checked: CheckedSpec) -> tuple[tuple[str, ...], tuple[Tree, ...]]:
+    """Return C_M and F, with the recursion of line 21 as a stack, so that no chain is too long.
+
+    Each frame of the stack is a tree whose additional variables are being processed; the first has no tree, only the
+    decisions of line 3.
+    """
+    outlines = _outlines(checked)
+    in_force: dict[str, None] = {}  # line 2
+    forest: list[Tree] = []  # line 2
+    pending: list[tuple[Tree | None, Iterator[str]]] = [(None, iter(checked.decisions))]  # lines 3 to 6
+    while pending:
+        tree, variables = pending[-1]
+        for variable in variables:  # lines 4 and 19
+            if variable in in_force:  # line 11
+                continue  # line 12
+            in_force[variable] = None  # line 14
+            if variable in outlines:  # line 15
+                created = _create_tree(checked, outlines[variable])  # lines 16 to 18, 20
+                in_force.update(dict.fromkeys(created.identifies))  # line 14, for what is identified beside it
+                pending.append((created, iter(created.needs)))  # line 21
+                break
+        else:
+            pending.pop()
+            forest += [tree] if tree is not None else []  # line 23
+    return tuple(in_force), tuple(forest)  # line 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Outline:
+    """Which algorithms go into one tree: groups of alternatives, and what `observers` says about it."""
+
+    groups: tuple[tuple[str, ...], ...]
+    setting: ObserverSetting | None
+
+
+def _outlines(checked: CheckedSpec) -> Mapping[str, _Outline]:
+    """Return, for each variable that has a perception algorithm, the outline of its tree (line 15)."""
+    group_of = {variable: group for group in _alternatives(checked) for variable in _identified(checked, group)}
+    outlines: dict[str, _Outline] = {}
+    for setting in checked.spec.observers:
+        variables = [reference.name for reference in setting.identifies if reference.name in group_of]
+        groups = tuple(dict.fromkeys(group_of[name] for name in variables))
+        outline = _Outline(groups=groups, setting=setting)
+        outlines |= {name: outline for group in groups for name in _identified(checked, group)}
+    alone = {group: _Outline(groups=(group,), setting=None) for group in group_of.values()}
+    return {name: alone[group] for name, group in group_of.items()} | outlines
+
+
+def _alternatives(checked: CheckedSpec) -> list[tuple[str, ...]]:
+    """Return the algorithms in groups that share variables, each group by rank."""
+    shares: dict[str, list[str]] = {name: [] for name in checked.algorithms}
+    for names in checked.producers.values():
+        for one, other in pairwise(names):
+            shares[one].append(other)
+            shares[other].append(one)
+    grouped: dict[str, tuple[str, ...]] = {}
+    for name in checked.algorithms:
+        if name not in grouped:
+            group = sorted(graph.closure(shares, [name]), key=lambda each: (_rank(checked, each), each))
+            grouped |= dict.fromkeys(group, tuple(group))
+    return list(dict.fromkeys(grouped.values()))
+
+
+def _rank(checked: CheckedSpec, name: str) -> int:
+    return checked.algorithms[name].algorithm.rank
+
+
+def _identified(checked: CheckedSpec, names: Iterable[str]) -> tuple[str, ...]:
+    """Return what some algorithms identify, in their order."""
+    pairs = chain.from_iterable(checked.algorithms[name].identifies for name in names)
+    return tuple(dict.fromkeys(variable for variable, _ in pairs))
+
+
+def _create_tree(checked: CheckedSpec, outline: _Outline) -> Tree:
+    """Return a tree with its perception behaviours (lines 16, 17) and what its preconditions read (lines 18, 20)."""
+    first, setting = outline.groups[0][0], outline.setting
+    algorithms = [checked.algorithms[name] for group in outline.groups for name in group]
+    name = setting.name if setting is not None else first
+    return Tree(
+        name=name,
+        function=python_name(name.lower(), MODULE_NAMES),
+        groups=tuple(tuple(_add_perception_behaviour(checked, name) for name in group) for group in outline.groups),
+        identifies=_identified(checked, chain.from_iterable(outline.groups)),
+        needs=tuple(dict.fromkeys(chain.from_iterable(map(_additional_context_variables, algorithms)))),
+        period_s=setting.period_s if setting is not None else 1.0,  # P1, section 3.3: "a tick-rate of 1 s"
+        priority=setting.priority if setting is not None else 0,
+    )
+
+
+def _add_perception_behaviour(checked: CheckedSpec, name: str) -> Branch:
+    """Return an algorithm's branch of a tree (line 17)."""
+    return Branch(
+        algorithm=checked.algorithms[name],
+        constant=python_name(name.upper(), MODULE_NAMES),
+        local=python_name(name.lower(), MODULE_NAMES),
+    )
+
+
+def _additional_context_variables(algorithm: CheckedAlgorithm) -> Iterator[str]:
+    """Yield V_j of an algorithm in the order of its conditions (line 18)."""
+    for condition in algorithm.observable_when:
+        yield from condition.variables
+    yield from (reference.name for reference in algorithm.algorithm.given)

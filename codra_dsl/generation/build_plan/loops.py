@@ -1,0 +1,54 @@
+"""What loops add to the dependency graph: who reads, weighs, chooses, sets and executes what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from codra_dsl.generation.build_plan.values import Edge, EdgeKind, Node, NodeKind
+from codra_dsl.language.check.checked.loops import CheckedAdaptation, CheckedMape, CheckedStage
+from codra_dsl.language.fuzzy.model import propositions
+from codra_dsl.language.model import Course, Parameter
+
+
+def loop_edges(mape: CheckedMape) -> Iterator[Edge]:
+    """Yield the edges of metrics, actions, rates, adaptations, trees and loops."""
+    metrics = frozenset(each.output.name for each in mape.metrics.outputs) if mape.metrics is not None else frozenset()
+    for kind, stage in ((NodeKind.METRIC, mape.metrics), (NodeKind.ACTION, mape.actions)):
+        if stage is not None:
+            yield from _of_stage(kind, stage, metrics)
+    for adaptation in mape.adaptation:
+        yield from _of_adaptation(adaptation, metrics)
+    for tree in mape.trees:
+        yield from _edges(Node(NodeKind.TREE, tree.name), EdgeKind.REQUESTS, NodeKind.TASK, tree.tasks)
+    for checked in mape.loops:
+        source, loop = Node(NodeKind.LOOP, checked.loop.name), checked.loop
+        yield from _edges(source, EdgeKind.ANALYSES, NodeKind.CONTEXT, checked.rates)
+        yield from _edges(source, EdgeKind.ANALYSES, NodeKind.METRIC, (each.name for each in loop.analyse))
+        yield from _edges(source, EdgeKind.ADAPTS, NodeKind.ADAPTATION, (each.name for each in loop.adapt))
+        yield from _edges(source, EdgeKind.EXECUTES, NodeKind.TREE, (each.name for each in loop.execute))
+
+
+def _edges(source: Node, kind: EdgeKind, target: NodeKind, names: Iterable[str]) -> Iterator[Edge]:
+    return (Edge(source, Node(target, name), kind) for name in names)
+
+
+def _of_stage(kind: NodeKind, stage: CheckedStage, metrics: frozenset[str]) -> Iterator[Edge]:
+    for told, block in zip(stage.outputs, stage.engine.blocks, strict=True):
+        read = {each.variable for rule in block.rules for each in propositions(rule.antecedent)}
+        yield from _reads(Node(kind, told.output.name), read, metrics)
+
+
+def _of_adaptation(checked: CheckedAdaptation, metrics: frozenset[str]) -> Iterator[Edge]:
+    source, does = Node(NodeKind.ADAPTATION, checked.name), checked.adaptation.does
+    yield from _reads(source, checked.reads, metrics)
+    if isinstance(does, Parameter):
+        yield from _edges(source, EdgeKind.SETS, NodeKind.CONTEXT, (does.variable.name,))
+    elif isinstance(does, Course):
+        yield from _edges(source, EdgeKind.WEIGHS, NodeKind.ACTION, (each.name for each in does.choose))
+        yield from _edges(source, EdgeKind.SWITCHES, NodeKind.TREE, (does.within.name,))
+
+
+def _reads(source: Node, names: Iterable[str], metrics: frozenset[str]) -> Iterator[Edge]:
+    for name in names:
+        target = Node(NodeKind.METRIC if name in metrics else NodeKind.CONTEXT, name)
+        yield Edge(source, target, EdgeKind.READS)

@@ -1,0 +1,55 @@
+"""Which generated module each element goes to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from codra_dsl.generation.build_plan.names import entry_names, module_name
+from codra_dsl.generation.build_plan.values import Module, Tree
+from codra_dsl.language.check.checked.spec import CheckedSpec
+from codra_dsl.language.diagnostics import Place
+
+
+@dataclass(slots=True)
+class _Contents:
+    """What a module holds, while it is gathered."""
+
+    files: set[str] = field(default_factory=set)
+    variables: list[str] = field(default_factory=list)
+    trees: list[str] = field(default_factory=list)
+    skills: list[str] = field(default_factory=list)
+
+
+def modules(checked: CheckedSpec, forest: tuple[Tree, ...]) -> tuple[Module, ...]:
+    """Return the modules: one per spec file that has elements and per use; those that share a name are one.
+
+    A tree goes where its first algorithm is declared, and its other algorithms go with it.
+    """
+    spec, contents = checked.spec, dict[str, _Contents]()
+    taken = entry_names(spec)
+
+    def home(section: str, name: str, place: Place) -> _Contents:
+        """Return the module in which an element is declared."""
+        found = contents.setdefault(module_name(spec.origins[section, name], taken), _Contents())
+        found.files |= {place.span.file} if place.use is None else set()
+        return found
+
+    for variable in spec.context:
+        home("context", variable.name, variable.place).variables.append(variable.name)
+    for tree in forest:
+        algorithm = tree.branches[0].algorithm.algorithm
+        home("perception", algorithm.name, algorithm.place).trees.append(tree.name)
+    for skill in spec.skills:
+        home("skills", skill.name, skill.place).skills.append(skill.name)
+    uses = {module_name(use.instance, taken): use for use in spec.uses}
+    return tuple(
+        Module(
+            name=name,
+            files=tuple(sorted(found.files)),
+            use=uses.get(name),
+            variables=tuple(found.variables),
+            trees=tuple(found.trees),
+            skills=tuple(found.skills),
+        )
+        for name, found in sorted(contents.items())
+    )

@@ -1,0 +1,94 @@
+"""Names in Python for what a spec names: the same on every version of Python, and none that hides another.
+
+The language's identifiers start with a letter and differ from every other of their kind by more than case.
+Functions and branches are written in small letters and constants in capitals, so that the two never meet.
+"""
+
+from __future__ import annotations
+
+from codra_dsl.language.model import Spec
+
+MODULE_NAMES = frozenset(
+    {"VARIABLES", "OBSERVERS", "SKILLS", "math", "observer", "perception"}
+    | {"Behaviour", "FailureIsSuccess", "Parallel", "ParallelPolicy", "Selector", "Sequence"}
+    | {"Accept", "ControlFlag", "DueOrRunning", "Identify", "Perceive", "Precondition"}
+    | {"age", "between", "choose", "first_of", "known", "literal", "maximum", "minimum", "value"}
+    | {"Algorithm", "Observer", "ObserverModel", "SkillModel", "VariableModel"}
+    | {"boolean", "integer", "member", "real", "text"}
+)
+"""What generated modules import or define themselves."""
+
+ENTRY_NAMES = frozenset(
+    {"MODEL", "start", "VariableName", "SkillName", "BoolName", "IntName", "FloatName", "StrName"}
+    | {"BoolAnswer", "IntAnswer", "FloatAnswer", "StrAnswer"}
+    | {"TYPE_CHECKING", "Any", "Callable", "Literal", "Mapping", "Never", "TypeVar", "math", "overload"}
+    | {"Clock", "ContextManager", "ContextModel", "Reading", "EventLog", "ResourceModel"}
+)
+"""What the entry of a generated package imports or defines itself, apart from its modules."""
+
+KNOWLEDGE_MODULE = "knowledge"
+"""The module of what a spec says of knowledge and agents."""
+
+MAPE_MODULE = "mape"
+"""The module of what a spec says of loops."""
+
+METRIC_ENGINE, ACTION_ENGINE = "metric_engine", "action_engine"
+"""The modules of the two fuzzy engines of loops."""
+
+
+# Written out, since Python's own lists grow from version to version and with what `site` adds.
+_PYTHONS_WORDS = """
+    False None True and as assert async await break class continue def del elif else except finally for from global if
+    import in is lambda nonlocal not or pass raise return try while with yield case match type
+    abs aiter all anext any ascii bin bool breakpoint bytearray bytes callable chr classmethod compile complex copyright
+    credits delattr dict dir divmod enumerate eval exec exit filter float format frozenset getattr globals hasattr hash
+    help hex id input int isinstance issubclass iter len license list locals map max memoryview min next object oct open
+    ord pow print property quit range repr reversed round set setattr slice sorted staticmethod str sum super tuple vars
+    zip
+"""
+_PYTHONS_NAMES = frozenset(_PYTHONS_WORDS.split())
+
+
+def python_name(text: str, taken: frozenset[str]) -> str:
+    """Return an identifier of the language as a name in Python: no keyword, no builtin, none of `taken`.
+
+    Names that differ stay different: what ends in underscores after such a name gets one more as well.
+    """
+    plain = text.rstrip("_")
+    return f"{text}_" if plain in taken or plain in _PYTHONS_NAMES else text
+
+
+def module_name(origin: str, taken: frozenset[str] = ENTRY_NAMES) -> str:
+    """Return the Python name of the module for what `load` calls the origin of an element, an identifier."""
+    return python_name(origin.lower(), taken)
+
+
+def class_name(name: str) -> str:
+    """Return the Python name of the class that stands for a spec's context, e.g. `PcrLab` for `pcr_lab`."""
+    return python_name(camel_case(name), ENTRY_NAMES)
+
+
+def knowledge_class(name: str) -> str:
+    """Return the Python name of the class that stands for a spec's graph."""
+    return f"{class_name(name)}Knowledge"
+
+
+def entry_names(spec: Spec) -> frozenset[str]:
+    """Return what the entry of a spec's package takes for itself: more for knowledge and loops."""
+    taken = ENTRY_NAMES
+    if spec.knows:
+        taken |= {KNOWLEDGE_MODULE, "KNOWLEDGE", knowledge_class(spec.name)}
+    if spec.adapts:
+        taken |= {MAPE_MODULE, "MAPE", "Mape", "Leaves", "loops", METRIC_ENGINE, ACTION_ENGINE}
+        taken |= {tree_module_name(tree.name) for tree in spec.trees}
+    return taken
+
+
+def tree_module_name(name: str) -> str:
+    """Return the Python name of the module of a behaviour tree."""
+    return f"tree_{name.lower()}"
+
+
+def camel_case(name: str) -> str:
+    """Return an identifier of the language in the form of Python's classes."""
+    return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

@@ -1,0 +1,242 @@
+"""Behaviour trees as a Python module: one function a tree, wiring only; what nodes mean is in the runtime.
+
+Of our modules it imports `codra_dsl.runtime.generated_api` only. The same trees give the same bytes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+
+from codra_dsl.generation.emit.imports import statement as import_statement
+from codra_dsl.generation.emit.layout import (
+    SHORT,
+    WIDTH,
+    Chain,
+    Expression,
+    Grouped,
+    call,
+    dictionary,
+    laid_out,
+    spread_call,
+    spread_dictionary,
+    spread_tuple,
+    tuple_of,
+)
+from codra_dsl.generation.emit.literals import literal, prose
+from codra_dsl.generation.emit.scripts import asked_text, operands, value_text
+from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Direction, NodeKind, NodeModel, TreeNode
+from codra_dsl.language.behavior_trees.catalogue import AFTER, AUTOREMAP, BEFORE, BUILT_IN, BuiltIn, BuiltInPort, Holds
+from codra_dsl.language.behavior_trees.ports import EntryKey, given
+from codra_dsl.language.behavior_trees.scripts import ScriptProblem, Statement, parse_condition, parse_script
+from codra_dsl.language.expression import And, Or
+from codra_dsl.language.expression import Node as Script
+from codra_dsl.language.project import GENERATED_API
+
+__all__ = [
+    "tree_module",
+]
+
+_EXPORTED_AS: Mapping[str, str] = {"Node": "TreeNode", "Precondition": "TreePrecondition"}
+"""The names in `generated_api` of words that mean something else in other generated modules."""
+
+_PYTHON_NAMES = {"else": "otherwise"}
+_RETURN = "    return "
+
+
+def tree_module(checked: CheckedForest) -> str:
+    """Return the module of a file's trees and of those that it includes."""
+    return _Writer(checked).module()
+
+
+class _Writer:
+    """Writes one module."""
+
+    def __init__(self, checked: CheckedForest) -> None:
+        self._trees = checked.forest.trees
+        self._file = checked.forest.files[0].file
+        self._main = checked.forest.main
+        self._enums = dict(checked.enums)
+        self._models = {(model.kind is NodeKind.SUBTREE, model.id): model for model in checked.forest.models}
+        self._functions = _function_names(tree.id for tree in self._trees)
+        self._words: set[str] = {"Node"}
+        self._tree = ""
+        self._helpers: list[str] = []
+
+    def module(self) -> str:
+        """Return all of it."""
+        functions = [self._function(tree) for tree in self._trees]
+        actions = sorted({node.id for tree in self._trees for node in tree.root.walk() if node.id not in BUILT_IN})
+        trees = spread_dictionary({literal(tree.id): self._functions[tree.id] for tree in self._trees})
+        main = "None" if self._main is None else literal(self._main)
+        parts = [
+            f'"""Behaviour trees of {prose(self._file)}.\n\nMade by codra; edits are lost.\n"""\n\n',
+            self._imports(),
+            *(f"\n\n{text}" for text in functions),
+            f"\n\nTREES: Mapping[str, Callable[[], Node]] = {laid_out(trees)}\n",
+            f"\nMAIN: str | None = {main}\n",
+            f"\nACTIONS: tuple[str, ...] = {laid_out(spread_tuple(map(literal, actions)))}\n",
+        ]
+        return "".join(parts)
+
+    def _imports(self) -> str:
+        """Return the import statements; ruff gives each renamed import a statement of its own, after the others."""
+        renamed = [f"{_EXPORTED_AS[word]} as {word}" for word in sorted(self._words & _EXPORTED_AS.keys())]
+        ours = [import_statement(GENERATED_API, names) for names in (self._words - _EXPORTED_AS.keys(), *zip(renamed))]
+        return "from collections.abc import Callable, Mapping\n\n" + "\n".join(ours) + "\n"
+
+    def _function(self, tree: BehaviorTree) -> str:
+        self._helpers = []
+        self._tree = name = self._functions[tree.id]
+        root = laid_out(self._node(tree.root), indent=4, before=len(_RETURN))
+        text = f'def {name}() -> Node:\n    """Return the tree {prose(tree.id)}."""\n{_RETURN}{root}\n'
+        return "\n\n".join([*self._helpers, text])
+
+    def _node(self, node: TreeNode) -> Expression:
+        children = [self._node(child) for child in node.children]
+        if node.subtree is not None:
+            children = [f"{self._functions[node.subtree]}()"]
+        keywords = self._conditions(node)
+        make = spread_call if children else call
+        return make("Node", literal(node.label), self._kind(node), *children, **keywords)
+
+    def _conditions(self, node: TreeNode) -> dict[str, Expression]:
+        given_ = {attribute.name: attribute.value for attribute in node.conditions}
+        before = {name: self._asked(given_[key]) for key, name in BEFORE.items() if key in given_}
+        after = {name: tuple_of(self._statements(given_[key])) for key, name in AFTER.items() if key in given_}
+        return {"conditions": self._call("Conditions", **before, **after)} if given_ else {}
+
+    # Kinds
+
+    def _kind(self, node: TreeNode) -> Expression:
+        if node.subtree is not None:
+            return self._subtree(node)
+        if node.id in BUILT_IN:
+            return self._built_in(node, BUILT_IN[node.id])
+        return self._leaf(node)
+
+    def _built_in(self, node: TreeNode, built_in: BuiltIn) -> Expression:
+        values = {attribute.name: attribute.value for attribute in node.ports}
+        if node.id == "Script":
+            return self._call(built_in.word, *self._statements(values["code"]))
+        present = [port for port in built_in.ports if port.name in values]
+        needed = [self._port(port, values[port.name]) for port in present if port.default is None]
+        others = {
+            _PYTHON_NAMES.get(port.name, port.name): self._port(port, values[port.name])
+            for port in present
+            if port.default is not None
+        }
+        if built_in.word == "Switch" and self._enums:
+            pairs = (tuple_of([literal(name), literal(value)]) for name, value in self._enums.items())
+            others["enums"] = tuple_of(pairs)
+        return self._call(built_in.word, *needed, **others)
+
+    def _port(self, port: BuiltInPort, value: str) -> Expression:
+        if port.holds is Holds.CONDITION:
+            return self._asked(value)
+        setting = given(port.name, value)
+        if port.holds in (Holds.ENTRY, Holds.KEY):
+            return literal(setting.key if isinstance(setting, EntryKey) else value)
+        return self._setting(setting)
+
+    def _setting(self, setting: EntryKey | str | None) -> Expression:
+        return self._call("Entry", literal(setting.key)) if isinstance(setting, EntryKey) else literal(setting or "")
+
+    def _leaf(self, node: TreeNode) -> Expression:
+        model = self._models.get((False, node.id))
+        values = _with_defaults(node, model)
+        inputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.IN)}
+        outputs = {name: given(name, value) for name, value in values.items() if _goes(model, name, Direction.OUT)}
+        entries = {name: setting for name, setting in outputs.items() if isinstance(setting, EntryKey)}
+        keywords: dict[str, Expression] = {}
+        if inputs:
+            keywords["inputs"] = self._settings(inputs)
+        if entries:
+            keywords["outputs"] = self._settings(entries)
+        return self._call("Leaf", literal(node.id), **keywords)
+
+    def _settings(self, settings: Mapping[str, EntryKey | str | None]) -> Expression:
+        return dictionary({literal(name): self._setting(setting) for name, setting in settings.items()})
+
+    def _subtree(self, node: TreeNode) -> Expression:
+        values = _with_defaults(node, self._models.get((True, str(node.subtree))))
+        remaps_all = values.pop(AUTOREMAP, "false") in ("true", "1")
+        settings = {name: given(name, value) for name, value in values.items()}
+        remapped = {
+            literal(name): literal(setting.key) for name, setting in settings.items() if isinstance(setting, EntryKey)
+        }
+        constants = {literal(name): literal(text) for name, text in settings.items() if isinstance(text, str)}
+        keywords: dict[str, Expression] = {}
+        if remapped:
+            keywords["remapped"] = dictionary(remapped)
+        if constants:
+            keywords["constants"] = dictionary(constants)
+        if remaps_all:
+            keywords["remaps_all"] = "True"
+        return self._call("Subtree", **keywords)
+
+    # Scripts
+
+    def _asked(self, text: str) -> Expression:
+        node = parse_condition(text)
+        if isinstance(node, ScriptProblem):
+            raise TypeError(f"{text!r} was checked, and is no condition")
+        return self._script(node, asked_text(node, self._enums))
+
+    def _statements(self, text: str) -> Iterator[Expression]:
+        statements = parse_script(text)
+        if isinstance(statements, ScriptProblem):
+            raise TypeError(f"{text!r} was checked, and is no script")
+        for statement in statements:
+            yield self._statement(statement)
+
+    def _statement(self, statement: Statement) -> Expression:
+        value = self._script(statement.value, value_text(statement.value, self._enums))
+        return self._call("create" if statement.creates else "assign", literal(statement.entry), value)
+
+    def _script(self, node: Script, text: str) -> Expression:
+        """Return a script as a function; a long one gets a name and lines of its own."""
+        if len(text) <= SHORT:
+            return f"lambda it: {text}"
+        self._words.add("Scope")
+        body: Expression = text
+        if isinstance(node, And | Or) and text == asked_text(node, self._enums):
+            first, *rest = operands(node, self._enums)
+            sign = "and" if isinstance(node, And) else "or"
+            body = Grouped("", Chain(first, tuple((sign, each) for each in rest)))
+        fits = len(_RETURN) + len(text) <= WIDTH
+        name = f"_script_{len(self._helpers) + 1}_of_{self._tree}"
+        laid = text if fits else laid_out(body, indent=4, before=WIDTH)
+        self._helpers.append(f"def {name}(it: Scope) -> object:\n{_RETURN}{laid}\n")
+        return name
+
+    def _call(self, word: str, *arguments: Expression, **keywords: Expression) -> Expression:
+        self._words.add(word)
+        return call(word, *arguments, **keywords)
+
+
+def _with_defaults(node: TreeNode, model: NodeModel | None) -> dict[str, str]:
+    """Return what ports are given, by the node or else by its model."""
+    ports = model.ports if model is not None else ()
+    present = {attribute.name: attribute.value for attribute in node.ports}
+    defaults = {port.name: port.default for port in ports if port.default is not None and port.name not in present}
+    return {**defaults, **present}
+
+
+def _goes(model: NodeModel | None, name: str, way: Direction) -> bool:
+    """Return whether a port goes one way; without a model, it goes both."""
+    port = model.port(name) if model is not None else None
+    return port is None or port.direction in (way, Direction.BOTH)
+
+
+def _function_names(ids: Iterable[str]) -> dict[str, str]:
+    """Return a name in Python for each tree: its id in small letters, no two alike."""
+    names: dict[str, str] = {}
+    for id_ in dict.fromkeys(ids):
+        words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", id_)
+        name = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_").removesuffix("_tree") or "unnamed"
+        name = f"{name}_tree" if name[0].isalpha() else f"tree_{name}_tree"
+        taken = set(names.values())
+        numbered = (f"{name}_{number}" for number in range(2, len(taken) + 3))
+        names[id_] = name if name not in taken else next(each for each in numbered if each not in taken)
+    return names

@@ -1,0 +1,150 @@
+"""Lowered conditions as expressions: the words of `codra_dsl.runtime.values.conditions` and literals, nothing else."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+from codra_dsl.generation.emit.layout import WIDEST, Brackets, Chain, Expression, Grouped, bracketed, laid_out
+from codra_dsl.generation.emit.literals import literal
+
+WORDS = frozenset(
+    {"age", "between", "choose", "confirmed", "first_of", "known", "literal", "maximum", "minimum", "value"}
+)
+"""The functions of `codra_dsl.runtime.values.conditions` that conditions are made of."""
+
+POSES = frozenset({"distance", "in_view"})
+"""The functions of `codra_dsl.runtime.knowledge.declarations` that conditions over knowledge have beside these."""
+
+_CALLABLE = WORDS | POSES | {"abs"}
+_ALONE = {word: frozenset({word}) for word in WORDS}
+_METHODS = frozenset({"is_in"})
+# What most conditions look like; all others go through Python's own parser, with the same outcome.
+_SIMPLE = re.compile(
+    r"""(value|known)\((["'])([A-Za-z][A-Za-z0-9_]*)\2\)"""
+    r"""( (?:[<>]=?|[=!]=) (?:0|[1-9][0-9]{0,8})(?:\.(?:0|[0-9]{0,3}[1-9]))?)?"""
+)
+
+_COMPARISONS: Mapping[type[ast.cmpop], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+# An operator and how strongly it holds its operands.
+_OPERATORS: Mapping[type[ast.operator], tuple[str, int]] = {
+    ast.BitOr: ("|", 1),
+    ast.BitAnd: ("&", 1),
+    ast.Add: ("+", 2),
+    ast.Sub: ("-", 2),
+    ast.Mult: ("*", 3),
+    ast.Div: ("/", 3),
+}
+_LOGICAL = 1
+
+
+class ConditionError(Exception):
+    """A lowered condition is not in the words of the runtime: a bug of whoever lowered it."""
+
+
+def condition(python: str) -> tuple[Expression, frozenset[str]]:
+    """Return a lowered condition as an expression, and the words that it uses.
+
+    Raises:
+        ConditionError: if it holds anything but those words, operators and literals.
+    """
+    simple = _SIMPLE.fullmatch(python)
+    if simple is not None:
+        word, _, name, comparison = simple.groups()
+        return f'{word}("{name}"){comparison or ""}', _ALONE[word]
+    try:
+        tree = ast.parse(python, mode="eval").body
+    except SyntaxError as error:
+        raise ConditionError(f"{python!r}: {error.msg}") from error
+    names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+    return _expression(tree), frozenset(names & (WORDS | POSES))
+
+
+def _expression(node: ast.expr) -> Expression:
+    match node:
+        case ast.Constant(value=bool() | int() | float() | str() as value):
+            return literal(value)
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _CALLABLE:
+            return _call(name, arguments)
+        case ast.Call(func=ast.Attribute(value=item, attr=name), args=options, keywords=[]) if name in _METHODS:
+            return _call(f"{_flat(_operand(item))}.{name}", options)
+        case ast.Tuple(elts=elements):
+            return bracketed("(", tuple(map(_expression, elements)), ",)" if len(elements) == 1 else ")")
+        case ast.UnaryOp(op=ast.Invert(), operand=operand):
+            return _prefixed("~", _operand(operand))
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return _prefixed("-", _operand(operand))
+        case ast.Compare(left=left, ops=[operator], comparators=[right]) if type(operator) in _COMPARISONS:
+            return Chain(_side(left), ((_COMPARISONS[type(operator)], _side(right)),))
+        case ast.BinOp(op=operator) if type(operator) in _OPERATORS:
+            return _chain(node)
+    raise ConditionError(f"{ast.unparse(node)!r} is not in the words of conditions")
+
+
+def _call(function: str, arguments: list[ast.expr]) -> Brackets:
+    return bracketed(f"{function}(", tuple(map(_expression, arguments)), ")")
+
+
+def _operand(node: ast.expr) -> Expression:
+    """Return an operand that holds together by itself or stands in parentheses."""
+    expression = _expression(node)
+    alone = isinstance(node, (ast.Call, ast.Constant, ast.Tuple))
+    return expression if alone else Grouped("", expression)
+
+
+def _side(node: ast.expr) -> Expression:
+    """Return a side of a comparison: arithmetic needs no parentheses there, the rest is easier to read with them."""
+    plain = isinstance(node, ast.UnaryOp) or (isinstance(node, ast.BinOp) and _strength(node) > _LOGICAL)
+    return _expression(node) if plain else _operand(node)
+
+
+def _prefixed(sign: str, operand: Expression) -> Expression:
+    if isinstance(operand, Brackets):
+        return bracketed(sign + operand.opening, operand.items, operand.closing)
+    if isinstance(operand, Grouped):
+        return replace(operand, prefix=sign + operand.prefix)
+    return sign + _flat(operand)
+
+
+def _chain(node: ast.BinOp) -> Chain:
+    """Return operators of one strength as one chain; it grows to the left, so a loop takes it apart."""
+    operator, strength = _OPERATORS[type(node.op)]
+    rest = [(operator, _right(node))]
+    first = node.left
+    while isinstance(first, ast.BinOp) and _continues(first, operator, strength):
+        rest.append((_OPERATORS[type(first.op)][0], _right(first)))
+        first = first.left
+    return Chain(_within(first, strength), tuple(reversed(rest)))
+
+
+def _continues(node: ast.BinOp, operator: str, strength: int) -> bool:
+    """Return whether a left operand is part of the same chain; `&` and `|` are never mixed without parentheses."""
+    symbol, other = _OPERATORS.get(type(node.op), ("", 0))
+    return other == strength and (strength > _LOGICAL or symbol == operator)
+
+
+def _right(node: ast.BinOp) -> Expression:
+    """Return a right operand; one of the same strength keeps its parentheses, as it is worked out first."""
+    return _within(node.right, _strength(node))
+
+
+def _within(node: ast.expr, strength: int) -> Expression:
+    stronger = isinstance(node, ast.BinOp) and _strength(node) > strength > _LOGICAL
+    return _expression(node) if stronger or isinstance(node, ast.UnaryOp) else _operand(node)
+
+
+def _strength(node: ast.BinOp) -> int:
+    return _OPERATORS.get(type(node.op), ("", 0))[1]
+
+
+def _flat(expression: Expression) -> str:
+    return laid_out(expression, before=-WIDEST)

@@ -1,0 +1,164 @@
+"""The entry of a generated package: the whole model, access to it with types, and `start`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.build_plan.names import camel_case, entry_names, knowledge_class
+from codra_dsl.generation.emit.access import Values, alias, methods
+from codra_dsl.generation.emit.declarations import resource
+from codra_dsl.generation.emit.handles import NARROWER, literals, named_handles, taking
+from codra_dsl.generation.emit.imports import Imports, statement
+from codra_dsl.generation.emit.layout import WIDTH, Expression, call, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.generation.emit.literals import text_literal
+from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.language.check.checked.knowledge import CheckedKnowledge
+from codra_dsl.language.model import Kind
+
+_PLAIN: Mapping[Kind, str] = {Kind.BOOL: "bool", Kind.INT: "int", Kind.FLOAT: "float", Kind.STR: "str"}
+
+
+MOST_ENUMS = 50
+"""So many enums have types of their own; variables of others are texts for editors and mypy."""
+
+
+def entry_text(plan: BuildPlan) -> str:
+    """Return the text of the package's `__init__.py`."""
+    imports = Imports()
+    imports.use("Mapping", "Clock", "ContextManager", "ContextModel", "EventLog")
+    kinds, knowledge = _values(plan), plan.checked.knowledge
+    imports.use_math_for(["math.inf"] if kinds else [])
+    imports.use(*(["TYPE_CHECKING"] if knowledge is not None else []))
+    agents = [] if knowledge is None else list(_agents(knowledge, imports))
+    adapts = plan.checked.mape is not None
+    imports.use(*(["Leaves", "Mape"] if adapts else []))
+    imports.use(*(["TYPE_CHECKING", "Callable", "Reading", "TypeVar"] if kinds else []))
+    imports.use(*(["overload", "Any", "Never"] if len(kinds) > 1 else []))
+    aliases = [*_variable_aliases(kinds), alias("SkillName", [skill.name for skill in plan.checked.spec.skills])]
+    imports.use(*(word for word in ("Literal", "Never") if any(f" = {word}" in alias for alias in aliases)))
+    return render(
+        "entry.py.j2",
+        title=f"The context of '{plan.name}': {_counted(plan)}.",
+        made_by=made_by(plan),
+        model=laid_out(_model(plan, imports)),
+        imports=imports.lines(),
+        modules=_local_imports(plan),
+        aliases=aliases,
+        name=plan.name,
+        class_name=plan.class_name,
+        methods=list(methods(kinds)),
+        knowledge=knowledge_class(plan.name) if knowledge is not None else "",
+        agents=agents,
+        adapts=adapts,
+    )
+
+
+def _values(plan: BuildPlan) -> list[Values]:
+    """Return the variables by type, in the order in which the types first appear."""
+    by_type: dict[tuple[Kind, tuple[str, ...]], list[str]] = {}
+    enums: set[tuple[str, ...]] = set()
+    for variable in (each for each in plan.checked.variables.values() if each.posed is None):
+        kind, members = variable.type.kind, variable.type.values
+        if kind is Kind.ENUM and (members in enums or len(enums) < MOST_ENUMS):
+            enums.add(members)
+        elif kind is Kind.ENUM:
+            kind, members = Kind.STR, ()
+        by_type.setdefault((kind, members), []).append(variable.name)
+    taken = {plan.class_name, "Agent", "AgentHandle", *entry_names(plan.checked.spec), *_handles(plan)}
+    return [_named(kind, members, names, taken) for (kind, members), names in by_type.items()]
+
+
+def _handles(plan: BuildPlan) -> list[str]:
+    """Return the names of the types of agents' handles."""
+    knowledge = plan.checked.knowledge
+    return [] if knowledge is None else [handle for _, handle in named_handles(knowledge)]
+
+
+def _agents(knowledge: CheckedKnowledge, imports: Imports) -> Iterator[str]:
+    """Yield the signatures of `agent`, by which the handles of agents are taken."""
+    named = named_handles(knowledge)
+    rest = knowledge.writers[len(named) :]
+    taken = [(literals([agent]), f"Agent[VariableName, {handle}]") for agent, handle in named]
+    taken += [(literals(rest), "Agent[VariableName, AgentHandle]")] if rest else []
+    imports.use(*(["Agent", "Literal"] if taken else []), *(["AgentHandle"] if rest else []))
+    imports.use(*(["overload", "Any"] if len(taken) > 1 else []))
+    several = len(taken) > 1
+    for number, each in enumerate(taking("agent", taken, "def agent(self, name: Any) -> Any:")):
+        if number:
+            yield each
+        else:
+            yield each.replace("@overload", f"@overload{NARROWER}") if several else each.removesuffix(" ...") + NARROWER
+
+
+def _named(kind: Kind, members: tuple[str, ...], variables: list[str], taken: set[str]) -> Values:
+    """Return a group with names for it: an enum's are made of its first variable's."""
+    if kind in _PLAIN:
+        plain = _PLAIN[kind]
+        stem = plain.capitalize()
+        return Values(variables=tuple(variables), alias=f"{stem}Name", type=plain, answer=f"{stem}Answer", members=())
+    stem = camel_case(variables[0])
+    while {stem, f"{stem}Name", f"{stem}Answer"} & taken:
+        stem += "_"
+    taken |= {stem, f"{stem}Name", f"{stem}Answer"}
+    return Values(variables=tuple(variables), alias=f"{stem}Name", type=stem, answer=f"{stem}Answer", members=members)
+
+
+def _variable_aliases(kinds: list[Values]) -> Iterator[str]:
+    for values in kinds:
+        if values.members:
+            yield alias(values.type, values.members)
+    if len(kinds) > 1:
+        yield from (alias(values.alias, values.variables) for values in kinds)
+        yield _union("VariableName", [values.alias for values in kinds])
+    else:
+        yield alias("VariableName", [name for values in kinds for name in values.variables])
+    for values in kinds:
+        variable = call("TypeVar", text_literal(values.answer), bound=f"{values.type} | None")
+        yield f"{values.answer} = {laid_out(variable, before=len(values.answer) + 3)}"
+
+
+def _union(name: str, types: list[str]) -> str:
+    """Return the statement that makes `name` stand for any of some types, as `ruff format` leaves it."""
+    flat = f"{name} = {' | '.join(types)}"
+    spread = "\n    | ".join(types)
+    return flat if len(flat) <= WIDTH else f"{name} = (\n    {spread}\n)"
+
+
+def _counted(plan: BuildPlan) -> str:
+    """Return how much there is of everything, for the docstring."""
+    counts = (
+        (len(plan.forest), "observer"),
+        (len(plan.checked.variables), "context-variable"),
+        (len(plan.checked.spec.skills), "skill"),
+    )
+    return ", ".join(f"{count} {noun}{'' if count == 1 else 's'}" for count, noun in counts)
+
+
+def _local_imports(plan: BuildPlan) -> str:
+    names = [module.name for module in plan.modules]
+    flat = f"from . import {', '.join(names)}"
+    known = []
+    if plan.checked.knowledge is not None:
+        known = [statement(".knowledge", ["KNOWLEDGE", knowledge_class(plan.name), *_handles(plan)])]
+    known += [] if plan.checked.mape is None else ["from .mape import MAPE"]
+    if not names:
+        return "\n".join(known)
+    plain = flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(names))}"
+    return "\n".join([plain, *known])
+
+
+def _model(plan: BuildPlan, imports: Imports) -> Expression:
+    resources = [resource(each, imports) for each in plan.checked.spec.resources]
+    return spread_call(
+        "ContextModel",
+        name=text_literal(plan.name),
+        variables=_gathered(plan, "VARIABLES"),
+        observers=_gathered(plan, "OBSERVERS"),
+        skills=_gathered(plan, "SKILLS"),
+        resources=tuple_of(resources),
+    )
+
+
+def _gathered(plan: BuildPlan, what: str) -> Expression:
+    return tuple_of(f"*{module.name}.{what}" for module in plan.modules)

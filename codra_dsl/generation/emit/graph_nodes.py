@@ -1,0 +1,79 @@
+"""What the files beside the code tell of knowledge: its nodes in the dependency graph, and where it is declared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.generation.build_plan import BuildPlan, Node, NodeKind
+from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model import Variable
+
+
+def node_id(plan: BuildPlan, node: Node) -> str:
+    """Return the name of a node in files and pictures, e.g. `lab/context/centrifuge_open`."""
+    return f"{plan.name}/{node.kind}/{node.name}"
+
+
+def about_variable(variable: Variable) -> dict[str, object]:
+    """Return what the dependency graph says of a context-variable."""
+    return {"label": variable.label, "type": variable.type.kind.value}
+
+
+def known_nodes(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[Node, dict[str, object]]]:
+    """Yield the nodes of knowledge in the dependency graph, kind by kind in file order, with what is said of each.
+
+    Context-variables come first that no decision needs, but that agents own or read.
+    """
+    world = knowledge.world
+    touched = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
+    for variable in plan.checked.variables.values():
+        if variable.name in touched and variable.name not in plan.in_force:
+            yield Node(NodeKind.CONTEXT, variable.name), about_variable(variable)
+    for agent in knowledge.agents:
+        yield Node(NodeKind.AGENT, agent.name), _about_agent(agent)
+    for name in types_shown(world):
+        declared = world.types.get(name)
+        attributes = [each.name for each in declared.attributes] if declared is not None else []
+        label = declared.label if declared is not None else ""
+        yield Node(NodeKind.TYPE, name), {"label": label or name, "attributes": attributes}
+    for edge in world.edges.values():
+        yield Node(NodeKind.EDGE, edge.name), {"label": edge.name, "carries": edge.label}
+    for task in world.tasks.values():
+        results = [each.name for each in task.results]
+        yield Node(NodeKind.TASK, task.name), {"label": task.label or task.name, "results": results}
+
+
+def _about_agent(agent: CheckedAgent) -> dict[str, object]:
+    conduct = agent.agent.conduct
+    phase = {} if conduct.phase is None else {"phase": conduct.phase.value}
+    wakes = [pattern.text for pattern in agent.wakes]
+    return {"label": conduct.label or agent.name, **phase, **({"wakes": wakes} if wakes else {})}
+
+
+def known_places(plan: BuildPlan, knowledge: CheckedKnowledge) -> Iterator[tuple[str, Place]]:
+    """Yield the place of each element of knowledge, and of each rule and pattern of agents, by its name in files."""
+    world, name = knowledge.world, plan.name
+    for kind in types_shown(world):
+        declared = world.types.get(kind)
+        yield f"{name}/type/{kind}", declared.place if declared is not None else _first_node(knowledge, kind)
+    yield from ((f"{name}/node/{node.name}", node.place) for node in world.nodes.values())
+    yield from ((f"{name}/edge/{edge.name}", edge.place) for edge in world.edges.values())
+    yield from ((f"{name}/task/{task.name}", task.place) for task in world.tasks.values())
+    for agent in knowledge.agents:
+        own = f"{name}/agent/{agent.name}"
+        yield own, agent.agent.place
+        yield from _numbered(f"{own}/wakes", agent.wakes)
+        for rule in agent.rules:
+            yield f"{own}/rules/{rule.name}", rule.place
+            for moment in ("before", "during", "after"):
+                yield from _numbered(f"{own}/rules/{rule.name}/{moment}", getattr(rule, moment))
+
+
+def _numbered(name: str, patterns: tuple[CheckedPattern, ...]) -> Iterator[tuple[str, Place]]:
+    return ((f"{name}/{number}", pattern.place) for number, pattern in enumerate(patterns))
+
+
+def _first_node(knowledge: CheckedKnowledge, kind: str) -> Place:
+    return next(node.type.place for node in knowledge.world.nodes.values() if node.type.name == kind)

@@ -1,0 +1,316 @@
+"""The module of what a spec says of knowledge and agents, in the words of the runtime: declarations as literals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.build_plan.dependencies import types_shown
+from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.declarations import names, told_fields, value_type
+from codra_dsl.generation.emit.handles import aliases, handles
+from codra_dsl.generation.emit.imports import Imports
+from codra_dsl.generation.emit.layout import Expression, call, dictionary, laid_out, spread_call, spread_tuple, tuple_of
+from codra_dsl.generation.emit.literals import literal, text_literal
+from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.language.check.checked.knowledge import CheckedAgent, CheckedKnowledge, CheckedPattern, CheckedRule
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
+from codra_dsl.language.expression import EdgeTerm, NodeTerm, Path
+from codra_dsl.language.model import (
+    CONTEXT_NODE,
+    Attribute,
+    EdgeType,
+    Motion,
+    StartingPose,
+    Task,
+    ValueType,
+    Variable,
+    View,
+    Writer,
+)
+
+KNOWLEDGE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
+    "AgentModel": {
+        "phase": "None",
+        "wakes": "()",
+        "owns": "()",
+        "reads": "()",
+        "rules": "()",
+        "label": '""',
+    },
+    "AttributeModel": {"sources": "()", "valid_for_s": "math.inf", "history": "100", "label": '""'},
+    "EdgeModel": {"pose": "Pose()"},
+    "EdgeTypeModel": {"label": '""', "sources": "()", "attributes": "()", "motion": "None"},
+    "Motion": {"history_s": "10.0", "extrapolate_s": "0.0", "valid_for_s": "math.inf", "is_static": "False"},
+    "NodeModel": {"attributes": "()", "values": "{}", "label": '""'},
+    "NodeTypeModel": {"sources": "()", "attributes": "()", "view": "None", "label": '""'},
+    "RuleModel": {"before": "()", "during": "()", "after": "()"},
+    "TaskModel": {"acknowledge_s": "math.inf", "finish_s": "math.inf", "attributes": "()", "label": '""'},
+    "ViewModel": {"nearest_m": "0.0", "farthest_m": "math.inf"},
+}
+"""What the runtime takes for granted of knowledge, and so goes without saying in generated code."""
+
+_DIGITS = 12
+"""Of sines and cosines, so that no byte depends on whose library worked them out; the runtime makes them unit again."""
+
+
+def knowledge_text(plan: BuildPlan, knowledge: CheckedKnowledge) -> str:
+    """Return the text of the module of what a spec says of knowledge."""
+    imports = Imports()
+    imports.use("TYPE_CHECKING")
+    writer = _Writer(knowledge, imports)
+    model = spread_call(
+        "KnowledgeModel",
+        name=text_literal(plan.name),
+        node_types=spread_tuple(writer.node_types()),
+        edge_types=spread_tuple(map(writer.edge_type, knowledge.world.edges.values())),
+        nodes=spread_tuple(writer.nodes()),
+        edges=spread_tuple(writer.edges()),
+        tasks=spread_tuple(map(writer.task, knowledge.world.tasks.values())),
+        agents=spread_tuple(map(writer.agent, knowledge.agents)),
+    )
+    imports.use("KnowledgeModel")
+    written, named = handles(plan, knowledge, imports), list(aliases(knowledge))
+    imports.use_in(named, ("Literal", "Never"))
+    return render(
+        "knowledge.py.j2",
+        title=f"What there is to know in '{plan.name}', and who may write it.",
+        made_by=made_by(plan),
+        aliases=named,
+        model=laid_out(model),
+        handles=written,
+        imports=imports.lines(),
+    )
+
+
+class _Writer:
+    """Writes the declarations of one spec; every method returns one."""
+
+    def __init__(self, knowledge: CheckedKnowledge, imports: Imports) -> None:
+        self._knowledge = knowledge
+        self._world: DeclaredGraph = knowledge.world
+        self._imports = imports
+        self._of_context = [each for each in self._world.variables.values() if self._is_of_context(each)]
+
+    def _is_of_context(self, variable: Variable) -> bool:
+        return variable.node == CONTEXT_NODE and CONTEXT_NODE not in self._world.nodes
+
+    def node_types(self) -> Iterable[Expression]:
+        """Yield the types of nodes: those declared, then those that only nodes name."""
+        for name in types_shown(self._world):
+            declared = self._world.types.get(name)
+            if declared is None:
+                yield self._told("NodeTypeModel", name=literal(name))
+                continue
+            yield self._told(
+                "NodeTypeModel",
+                name=literal(name),
+                sources=self._sources(self._world.writers(KnowledgeElement("types", name))),
+                attributes=tuple_of(
+                    self._attribute(each, KnowledgeElement("types", name, each.name)) for each in declared.attributes
+                ),
+                view="None" if declared.view is None else self._view(declared.view),
+                label=_label(declared.label, name),
+            )
+        if self._of_context and CONTEXT_NODE not in types_shown(self._world):
+            yield self._told("NodeTypeModel", name=literal(CONTEXT_NODE))
+
+    def edge_type(self, edge: EdgeType) -> Expression:
+        """Return a type of edges."""
+        return self._told(
+            "EdgeTypeModel",
+            name=literal(edge.name),
+            label=_label(edge.label, edge.name),
+            origins=names(each.name for each in edge.origins),
+            targets=names(each.name for each in edge.targets),
+            sources=self._sources(self._world.writers(KnowledgeElement("edges", edge.name))),
+            attributes=tuple_of(
+                self._attribute(each, KnowledgeElement("edges", edge.name, each.name)) for each in edge.attributes
+            ),
+            motion="None" if edge.motion is None else self._motion(edge.motion),
+        )
+
+    def nodes(self) -> Iterable[Expression]:
+        """Yield the nodes that are there from the start, with the context-variables that are theirs."""
+        for node in self._world.nodes.values():
+            values = {text_literal(key): literal(value) for key, value in self._knowledge.values[node.name].items()}
+            yield self._told(
+                "NodeModel",
+                name=literal(node.name),
+                type=literal(node.type.name),
+                attributes=self._variables_of(node.name),
+                values=dictionary(values),
+                label=_label(node.label, node.name),
+            )
+        if self._of_context:
+            name = literal(CONTEXT_NODE)
+            yield self._told("NodeModel", name=name, type=name, attributes=self._variables_of(CONTEXT_NODE))
+
+    def edges(self) -> Iterable[Expression]:
+        """Yield the edges that are there from the start."""
+        for edge in self._world.edges.values():
+            if self._world.starts_with(edge):
+                (origin,), (target,) = edge.origins, edge.targets
+                ends = {"origin": literal(origin.name), "type": literal(edge.name), "target": literal(target.name)}
+                pose = {} if edge.pose is None else {"pose": self._pose(edge.pose)}
+                yield self._told("EdgeModel", **ends, **pose)
+
+    def task(self, task: Task) -> Expression:
+        """Return a task."""
+        return self._told(
+            "TaskModel",
+            name=literal(task.name),
+            origin=literal(task.origin.name),
+            by=literal(task.by.name),
+            requesters=names(each.name for each in task.requesters),
+            results=names(each.name for each in task.results),
+            acknowledge_s=literal(task.acknowledge_s),
+            finish_s=literal(task.finish_s),
+            attributes=self._variables_of(task.name),
+            label=_label(task.label, task.name),
+        )
+
+    def agent(self, agent: CheckedAgent) -> Expression:
+        """Return an agent."""
+        phase = agent.agent.conduct.phase
+        if phase is not None:
+            self._imports.use("Phase")
+        return self._told(
+            "AgentModel",
+            name=literal(agent.name),
+            phase="None" if phase is None else f"Phase.{phase.name}",
+            wakes=tuple_of(map(self._pattern, agent.wakes)),
+            owns=names(self._named(each) for each in agent.owns),
+            reads=names(self._named(each) for each in agent.reads),
+            rules=tuple_of(map(self._rule, agent.rules)),
+            label=_label(agent.agent.conduct.label, agent.name),
+        )
+
+    def _rule(self, rule: CheckedRule) -> Expression:
+        moments = {moment: tuple_of(map(self._pattern, getattr(rule, moment))) for moment in _MOMENTS}
+        return self._told("RuleModel", name=literal(rule.name), **moments)
+
+    def _named(self, thing: KnowledgeElement) -> str:
+        """Return the name of what an agent owns or reads, as the runtime spells it."""
+        if thing.section == "context":
+            return f"{self._world.variables[thing.name].node}.{thing.name}"
+        return f"{thing.name}.{thing.attribute}" if thing.attribute else thing.name
+
+    def _variables_of(self, node: str) -> Expression:
+        variables = [each for each in self._world.variables.values() if each.node == node]
+        return tuple_of(self._variable(each) for each in variables)
+
+    def _variable(self, variable: Variable) -> Expression:
+        """Return a context-variable as an attribute of its node."""
+        writers = [writer.name for writer in self._world.writers(KnowledgeElement("context", variable.name))]
+        self._imports.use("by")
+        sources = call("by", *map(text_literal, writers or ["observer"]))
+        return self._attribute_model(variable, sources)
+
+    def _attribute(self, attribute: Attribute, thing: KnowledgeElement) -> Expression:
+        return self._attribute_model(attribute, self._sources(self._world.writers(thing)))
+
+    def _attribute_model(self, declared: Attribute | Variable, sources: Expression) -> Expression:
+        return self._told(
+            "AttributeModel",
+            name=literal(declared.name),
+            type=self._type(declared.type),
+            sources=sources,
+            valid_for_s=literal(declared.valid_for_s),
+            history=literal(declared.history),
+            label=_label(declared.label, declared.name),
+        )
+
+    def _type(self, declared: ValueType) -> Expression:
+        return value_type(declared, self._imports)
+
+    def _sources(self, writers: tuple[Writer, ...]) -> Expression:
+        """Return who may write something; where each has a priority of its own, in their order."""
+        priorities = [writer.priority or 0 for writer in writers]
+        if len(set(priorities)) <= 1:
+            self._imports.use(*(["by"] if writers else []))
+            return call("by", *(literal(writer.name) for writer in writers)) if writers else "()"
+        if len(set(priorities)) == len(writers):
+            self._imports.use("ranked")
+            return call(
+                "ranked", *(literal(each.name) for each in sorted(writers, key=lambda each: -(each.priority or 0)))
+            )
+        self._imports.use("Writer")
+        return tuple_of(
+            call("Writer", agent=literal(writer.name), priority=literal(priority))
+            for writer, priority in zip(writers, priorities, strict=True)
+        )
+
+    def _view(self, view: View) -> Expression:
+        return self._told(
+            "ViewModel",
+            horizontal_rad=literal(view.horizontal_rad),
+            vertical_rad=literal(view.vertical_rad),
+            nearest_m=literal(view.nearest_m),
+            farthest_m=literal(view.farthest_m),
+        )
+
+    def _motion(self, motion: Motion) -> Expression:
+        stated = {
+            name: literal(value)
+            for name in ("history_s", "extrapolate_s", "valid_for_s")
+            if (value := getattr(motion, name)) is not None
+        }
+        return self._told("Motion", **stated, is_static=literal(motion.is_static))
+
+    def _pose(self, pose: StartingPose) -> Expression:
+        self._imports.use("Pose")
+        moved, turned = tuple_of(map(literal, pose.translation_m)), _quaternion(pose.rotation_rad)
+        turn = () if turned == (1.0, 0.0, 0.0, 0.0) else (tuple_of(map(literal, turned)),)
+        return call("Pose.of", moved, *turn)
+
+    def _pattern(self, pattern: CheckedPattern) -> Expression:
+        if pattern.path is not None:
+            return self._path(pattern.path)
+        expression, words = condition(pattern.python)
+        self._imports.use(*words)
+        return expression
+
+    def _path(self, path: Path) -> Expression:
+        word = "absent" if path.negated else "path"
+        self._imports.use(word)
+        parts = [self._place(path.terms[0])]
+        for link, term in zip(path.links, path.terms[1:], strict=True):
+            parts += (self._link(link), self._place(term))
+        return call(word, *parts)
+
+    def _place(self, term: NodeTerm) -> Expression:
+        if term.name:
+            return literal(term.name)
+        word, kind = ("some", [literal(term.type)]) if term.type else ("anything", [])
+        self._imports.use(word)
+        return call(word, *kind, **({"called": literal(term.called)} if term.called else {}))
+
+    def _link(self, link: EdgeTerm) -> Expression:
+        if not link.is_backward:
+            return literal(link.edge)
+        self._imports.use("backward")
+        return call("backward", literal(link.edge))
+
+    def _told(self, model: str, **fields: Expression) -> Expression:
+        return call(model, **told_fields(model, KNOWLEDGE_DEFAULTS[model], self._imports, fields))
+
+
+_MOMENTS = ("before", "during", "after")
+
+
+def _label(label: str, name: str) -> str:
+    return text_literal(label if label != name else "")
+
+
+def _quaternion(rotation_rad: tuple[float, float, float]) -> tuple[float, ...]:
+    """Return the unit quaternion (w, x, y, z) of turns about x, then y, then z, of axes that stay."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(each / 2), math.sin(each / 2)) for each in rotation_rad)
+    exact = (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+    return tuple(round(each, _DIGITS) + 0.0 for each in exact)

@@ -1,0 +1,62 @@
+"""What the files beside the code tell of loops: their nodes in the dependency graph, and where they are declared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.generation.build_plan import BuildPlan, Node, NodeKind
+from codra_dsl.generation.emit.graph_nodes import about_variable
+from codra_dsl.language.check.checked.loops import CheckedMape
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model import Course
+
+
+def loop_nodes(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[Node, dict[str, object]]]:
+    """Yield the nodes of loops in the dependency graph, kind by kind in file order, with what is said of each.
+
+    Context-variables come first that loops read or write and that nothing else shows.
+    """
+    yield from _variables(plan)
+    spec = plan.checked.spec
+    for kind, outputs in ((NodeKind.METRIC, spec.metrics), (NodeKind.ACTION, spec.actions)):
+        for output in outputs:
+            yield Node(kind, output.name), {"label": output.label or output.name}
+    for adaptation in spec.adaptation:
+        chooses = isinstance(adaptation.does, Course)
+        about = {"label": adaptation.label or adaptation.name, "does": "choose" if chooses else "set"}
+        yield Node(NodeKind.ADAPTATION, adaptation.name), dict[str, object](about)
+    for tree in mape.trees:
+        file = tree.forest.forest.files[0].file
+        yield Node(NodeKind.TREE, tree.name), {"label": tree.element.label or tree.name, "tree_file": file}
+    for loop in spec.loops:
+        yield Node(NodeKind.LOOP, loop.name), {"label": loop.label or loop.name, "period_s": loop.period_s}
+
+
+def _variables(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
+    of_loops = {NodeKind.METRIC, NodeKind.ACTION, NodeKind.ADAPTATION, NodeKind.LOOP}
+    touched = {edge.target.name for edge in plan.edges if edge.target.kind is NodeKind.CONTEXT}
+    shown = {
+        edge.target.name
+        for edge in plan.edges
+        if edge.target.kind is NodeKind.CONTEXT and edge.source.kind not in of_loops
+    }
+    for variable in plan.checked.variables.values():
+        if variable.name in touched - shown and variable.name not in plan.in_force:
+            yield Node(NodeKind.CONTEXT, variable.name), about_variable(variable)
+
+
+def loop_places(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, Place]]:
+    """Yield the place of each element of loops, of each rule and each condition, by its name in files."""
+    name, spec = plan.name, plan.checked.spec
+    for kind, outputs in (("metric", spec.metrics), ("action", spec.actions)):
+        for output in outputs:
+            yield f"{name}/{kind}/{output.name}", output.place
+            for number, rule in enumerate(output.rules):
+                yield f"{name}/{kind}/{output.name}/rules/{number}", rule.place
+    for checked in mape.adaptation:
+        own, does = f"{name}/adaptation/{checked.name}", checked.adaptation.does
+        yield own, checked.adaptation.place
+        for number, hard in enumerate(does.always if isinstance(does, Course) else ()):
+            yield f"{own}/always/{number}", hard.condition.place
+    yield from ((f"{name}/tree/{tree.name}", tree.element.place) for tree in mape.trees)
+    yield from ((f"{name}/loop/{loop.name}", loop.place) for loop in spec.loops)

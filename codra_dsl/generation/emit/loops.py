@@ -1,0 +1,275 @@
+"""The modules of what a spec says of loops: its fuzzy engines, its trees, and the declarations that bind them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.build_plan.names import ACTION_ENGINE, MAPE_MODULE, METRIC_ENGINE, tree_module_name
+from codra_dsl.generation.emit.behaviour_trees import tree_module
+from codra_dsl.generation.emit.conditions import condition
+from codra_dsl.generation.emit.declarations import names, told_fields
+from codra_dsl.generation.emit.imports import Imports
+from codra_dsl.generation.emit.layout import (
+    WIDTH,
+    Expression,
+    call,
+    dictionary,
+    laid_out,
+    spread_call,
+    spread_tuple,
+    tuple_of,
+)
+from codra_dsl.generation.emit.literals import literal, text_literal
+from codra_dsl.generation.emit.rendering import made_by, render
+from codra_dsl.language.check.checked.loops import (
+    CheckedAdaptation,
+    CheckedInput,
+    CheckedLoop,
+    CheckedMape,
+    CheckedRate,
+    CheckedStage,
+    CheckedTree,
+)
+from codra_dsl.language.fuzzy import compile_engine
+from codra_dsl.language.fuzzy.dialects import NUMBERS
+from codra_dsl.language.fuzzy.model import Term, propositions
+from codra_dsl.language.fuzzy.shapes import membership
+from codra_dsl.language.model import Course, HardRule, Kind, Parameter, Repeat, Worse
+
+MAPE_DEFAULTS: Mapping[str, Mapping[str, Expression]] = {
+    "CourseModel": {
+        "smooth_s": "0.0",
+        "lead": "0.0",
+        "hold_s": "0.0",
+        "dwell_s": "0.0",
+        "cooldown_s": "0.0",
+        "abort_s": "2.0",
+        "always": "()",
+    },
+    "HardRuleModel": {},
+    "InputModel": {"members": "()", "terms": "{}"},
+    "LoopModel": {"rates": "()", "analyse": "()", "adapt": "()", "execute": "()", "period_s": "1.0"},
+    "MapeModel": {
+        "metrics": "None",
+        "actions": "None",
+        "rates": "()",
+        "courses": "()",
+        "parameters": "()",
+        "trees": "()",
+    },
+    "OutputModel": {"worse": "End.LOW"},
+    "ParameterModel": {"dwell_s": "0.0"},
+    "RateModel": {"factor": "1.0"},
+    "StageModel": {},
+    "StageRuleModel": {},
+    "TreeModel": {
+        "course": '""',
+        "entry": '"course"',
+        "branches": "{}",
+        "tasks": "()",
+        "agent": '""',
+        "period_s": "0.1",
+        "repeat": "Repeat.ALWAYS",
+    },
+}
+"""What the runtime takes for granted of loops, and so goes without saying in generated code."""
+
+
+def mape_texts(plan: BuildPlan, mape: CheckedMape) -> Iterator[tuple[str, str]]:
+    """Yield the path and text of each module of the loops of a spec."""
+    for module, stage in ((METRIC_ENGINE, mape.metrics), (ACTION_ENGINE, mape.actions)):
+        if stage is not None:
+            yield f"{module}.py", compile_engine(stage.engine)
+    for tree in mape.trees:
+        yield f"{tree_module_name(tree.name)}.py", tree_module(tree.forest)
+    yield f"{MAPE_MODULE}.py", _mape_text(plan, mape)
+
+
+def _mape_text(plan: BuildPlan, mape: CheckedMape) -> str:
+    imports = Imports()
+    imports.use("MapeModel")
+    writer = _Writer(imports)
+    courses = [each for each in mape.adaptation if isinstance(each.adaptation.does, Course)]
+    parameters = [each for each in mape.adaptation if isinstance(each.adaptation.does, Parameter)]
+    fields = writer.told(
+        "MapeModel",
+        loops=spread_tuple(map(writer.loop, mape.loops)),
+        metrics=writer.stage(METRIC_ENGINE, mape.metrics),
+        actions=writer.stage(ACTION_ENGINE, mape.actions),
+        rates=_listed(map(writer.rate, mape.rates)),
+        courses=_listed(map(writer.course, courses)),
+        parameters=_listed(map(writer.parameter, parameters)),
+        trees=_listed(map(writer.tree, mape.trees)),
+    )
+    return render(
+        "mape.py.j2",
+        title=f"The loops of '{plan.name}': what they analyse, choose and execute.",
+        made_by=made_by(plan),
+        imports=imports.lines(),
+        modules=_local_imports(mape),
+        model=laid_out(spread_call("MapeModel", **fields), before=len("MAPE = ")),
+    )
+
+
+def _listed(items: Iterable[Expression]) -> Expression:
+    several = list(items)
+    return spread_tuple(several) if several else "()"
+
+
+def _local_imports(mape: CheckedMape) -> str:
+    modules = [METRIC_ENGINE] if mape.metrics is not None else []
+    modules += [ACTION_ENGINE] if mape.actions is not None else []
+    modules += [tree_module_name(tree.name) for tree in mape.trees]
+    if not modules:
+        return ""
+    flat = f"from . import {', '.join(sorted(modules))}"
+    return flat if len(flat) <= WIDTH else f"from . import {laid_out(spread_tuple(sorted(modules)))}"
+
+
+class _Writer:
+    """Writes the declarations of one spec; every method returns one."""
+
+    def __init__(self, imports: Imports) -> None:
+        self._imports = imports
+
+    def told(self, model: str, **fields: Expression) -> dict[str, Expression]:
+        """Return the fields of a model that do not go without saying."""
+        return told_fields(model, MAPE_DEFAULTS[model], self._imports, fields)
+
+    def loop(self, checked: CheckedLoop) -> Expression:
+        """Return a loop."""
+        loop = checked.loop
+        fields = self.told(
+            "LoopModel",
+            name=literal(loop.name),
+            rates=names(checked.rates),
+            analyse=names(each.name for each in loop.analyse),
+            adapt=names(each.name for each in loop.adapt),
+            execute=names(each.name for each in loop.execute),
+            period_s=literal(loop.period_s),
+        )
+        return call("LoopModel", **fields)
+
+    def stage(self, module: str, stage: CheckedStage | None) -> Expression:
+        """Return an engine, bound to variables."""
+        if stage is None:
+            return "None"
+        blocks = [rule for block in stage.engine.blocks for rule in block.rules]
+        reads = [tuple(dict.fromkeys(each.variable for each in propositions(rule.antecedent))) for rule in blocks]
+        fields = self.told(
+            "StageModel",
+            infer=f"{module}.infer",
+            infer_bounds=f"{module}.infer_bounds",
+            inputs=spread_tuple(map(self._input, stage.inputs)),
+            outputs=spread_tuple(
+                self._output(each.output.name, each.variable, each.output.worse) for each in stage.outputs
+            ),
+            rules=spread_tuple(
+                call(
+                    "StageRuleModel",
+                    **self.told(
+                        "StageRuleModel", text=literal(rule.text), concludes=names([rule.output]), reads=names(read)
+                    ),
+                )
+                for rule, read in zip(stage.rules, reads, strict=True)
+            ),
+        )
+        return spread_call("StageModel", **fields)
+
+    def _input(self, given: CheckedInput) -> Expression:
+        self._imports.use("Bounds")
+        is_bare = given.variable.type.kind in (Kind.BOOL, Kind.ENUM)
+        terms = {literal(term.name): self._membership(term) for term in given.terms}
+        fields = self.told(
+            "InputModel",
+            variable=literal(given.variable.name),
+            range=call("Bounds", literal(float(given.minimum)), literal(float(given.maximum))),
+            members=names(given.members) if is_bare else "()",
+            terms=dictionary(terms),
+        )
+        return call("InputModel", **fields)
+
+    def _membership(self, term: Term) -> Expression:
+        self._imports.use("terms")
+        return f"lambda x: {membership(term, 'x', {}, [], NUMBERS)}"
+
+    def _output(self, name: str, variable: str, worse: Worse) -> Expression:
+        self._imports.use(*(["End"] if worse is Worse.HIGH else []))
+        fields = self.told("OutputModel", name=literal(name), variable=literal(variable), worse=f"End.{worse.name}")
+        return call("OutputModel", **fields)
+
+    def rate(self, rate: CheckedRate) -> Expression:
+        """Return a rate."""
+        fields = self.told(
+            "RateModel",
+            variable=literal(rate.variable.name),
+            of=literal(rate.of),
+            over_s=literal(rate.over_s),
+            factor=literal(rate.factor),
+        )
+        return call("RateModel", **fields)
+
+    def course(self, checked: CheckedAdaptation) -> Expression:
+        """Return a choice among actions."""
+        adaptation, course = checked.adaptation, checked.adaptation.does
+        assert isinstance(course, Course)
+        rules = (self._hard_rule(rule, python) for rule, python in zip(course.always, checked.python, strict=True))
+        fields = self.told(
+            "CourseModel",
+            name=literal(adaptation.name),
+            choose=names(each.name for each in course.choose),
+            otherwise=literal(course.otherwise.name),
+            variable=literal(adaptation.name),
+            smooth_s=literal(course.smooth_s),
+            lead=literal(course.lead),
+            hold_s=literal(course.hold_s),
+            dwell_s=literal(adaptation.dwell_s),
+            cooldown_s=literal(course.cooldown_s),
+            abort_s=literal(course.abort_s),
+            always=tuple_of(rules),
+        )
+        return call("CourseModel", **fields)
+
+    def _hard_rule(self, rule: HardRule, python: str) -> Expression:
+        asked, words = condition(python)
+        self._imports.use(*words)
+        fields = self.told(
+            "HardRuleModel", condition=asked, action=literal(rule.action.name), text=literal(rule.condition.text)
+        )
+        return call("HardRuleModel", **fields)
+
+    def parameter(self, checked: CheckedAdaptation) -> Expression:
+        """Return a variable that is set."""
+        adaptation, parameter = checked.adaptation, checked.adaptation.does
+        assert isinstance(parameter, Parameter)
+        value, words = condition(checked.python[0])
+        self._imports.use(*words)
+        fields = self.told(
+            "ParameterModel",
+            name=literal(adaptation.name),
+            variable=literal(parameter.variable.name),
+            value=value,
+            text=literal(parameter.value.text),
+            dwell_s=literal(adaptation.dwell_s),
+        )
+        return call("ParameterModel", **fields)
+
+    def tree(self, tree: CheckedTree) -> Expression:
+        """Return a tree and its branches."""
+        element = tree.element
+        self._imports.use(*(["Repeat"] if element.repeat is Repeat.ON_SWITCH else []))
+        module, main = tree_module_name(tree.name), tree.forest.forest.main or ""
+        fields = self.told(
+            "TreeModel",
+            name=literal(tree.name),
+            build=f"{module}.TREES[{text_literal(main)}]",
+            course=literal(tree.course),
+            entry=literal(tree.entry),
+            branches=dictionary({text_literal(action): literal(value) for action, value in tree.branches.items()}),
+            tasks=names(tree.tasks),
+            agent=literal("" if element.agent is None else element.agent.name),
+            period_s=literal(element.period_s),
+            repeat=f"Repeat.{element.repeat.name}",
+        )
+        return call("TreeModel", **fields)

@@ -1,0 +1,234 @@
+"""The files beside the code: the dependency graph, the manifest, and where everything stands in the spec.
+
+Lists and mappings are written one entry a line: what a change of the spec changes is what a diff shows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from enum import Enum
+from json.encoder import encode_basestring_ascii as json_text
+from operator import attrgetter
+from typing import Any
+
+from codra_dsl import __version__
+from codra_dsl.generation.build_plan import BuildPlan, Edge, Node, NodeKind
+from codra_dsl.generation.emit.graph_nodes import about_variable, known_nodes, known_places, node_id
+from codra_dsl.generation.emit.loop_plans import loop_nodes, loop_places
+from codra_dsl.language.check import CheckedSpec
+from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.language.model import Agent, Algorithm, Variable
+from codra_dsl.language.project import MANIFEST_FORMAT
+
+GRAPH = "graph.json"
+SOURCES = "sources.json"
+FORMAT_VERSION = 1
+
+# Where something stands and how it was parsed is no part of what a spec means.
+_NOT_MEANT = frozenset({"letters", "place", "places", "tree"})
+# How agents take part in knowledge is told with what is declared of that, and so are the terms of loops.
+_TOLD_APART = frozenset({(Agent, "conduct"), *((Variable, name) for name in ("terms", "rate", "is_derived", "posed"))})
+# An algorithm's conditions stand in the checked algorithm once more, as they were lowered.
+_CHECKED_TOO = frozenset((Algorithm, name) for name in ("observable_when", "accept_when", "identifies"))
+
+
+def graph_nodes(plan: BuildPlan) -> Iterator[tuple[Node, dict[str, object]]]:
+    """Yield the nodes of the dependency graph, kind by kind in the order of the plan, with what is said of each."""
+    checked = plan.checked
+    for name in plan.in_force:
+        yield Node(NodeKind.CONTEXT, name), about_variable(checked.variables[name])
+    for tree in plan.forest:
+        for branch in tree.branches:
+            call = branch.algorithm.algorithm.call
+            yield Node(NodeKind.PERCEPTION, branch.name), {"label": branch.name, "call": call}
+    for tree in plan.forest:
+        yield Node(NodeKind.OBSERVER, tree.name), {"label": tree.name, "period_s": tree.period_s}
+    for skill in checked.spec.skills:
+        yield Node(NodeKind.SKILL, skill.name), {"label": skill.name}
+    if checked.knowledge is not None:
+        yield from known_nodes(plan, checked.knowledge)
+    if checked.mape is not None:
+        yield from loop_nodes(plan, checked.mape)
+
+
+def graph_edge(plan: BuildPlan, edge: Edge) -> dict[str, object]:
+    """Return an edge as files tell it: it reads as a sentence, `source kind target`."""
+    return {"source": node_id(plan, edge.source), "target": node_id(plan, edge.target), "kind": edge.kind.value}
+
+
+def graph_text(plan: BuildPlan) -> str:
+    """Return the text of `graph.json`, without places."""
+    nodes = [
+        f'{{"id": {json_text(node_id(plan, node))}, "kind": "{node.kind}", {_entries(about)}}}'
+        for node, about in graph_nodes(plan)
+    ]
+    name = plan.name
+    edges = [
+        f'{{"source": {json_text(f"{name}/{source.kind}/{source.name}")}, '
+        f'"target": {json_text(f"{name}/{target.kind}/{target.name}")}, "kind": "{kind}"}}'
+        for source, target, kind in plan.edges
+    ]
+    return object_of(format_version="1", nodes=_listed(nodes), edges=_listed(edges))
+
+
+def manifest_text(plan: BuildPlan, outputs: Mapping[str, str]) -> str:
+    """Return the text of `manifest.json`.
+
+    It holds digests of the checked model and of `outputs`, but none of `sources.json`, whose places may change alone.
+    """
+    variables = {name: _about(variable) for name, variable in plan.checked.variables.items()}
+    digests = {path: _digest(outputs[path]) for path in sorted(outputs)}
+    return object_of(
+        format=json.dumps(MANIFEST_FORMAT),
+        format_version=str(FORMAT_VERSION),
+        codra=json.dumps(__version__),
+        name=json.dumps(plan.name),
+        spec=json.dumps(plan.checked.spec.file),
+        model=json.dumps(model_digest(plan)),
+        variables=mapping_of(variables),
+        outputs=mapping_of(digests),
+    )
+
+
+def _about(variable: Variable) -> dict[str, object]:
+    """Return the type of a variable, for tools that read the manifest alone."""
+    declared = variable.type
+    told = {"type": declared.kind.value, "unit": declared.unit, "range": declared.range, "values": declared.values}
+    return {key: value for key, value in told.items() if value}
+
+
+def sources_text(plan: BuildPlan) -> str:
+    """Return the text of `sources.json`: for each element and condition its file and line, and those of its use."""
+    return _mapped([f"{json_text(name)}: {_where(place)}" for name, place in places(plan)]) + "\n"
+
+
+def places(plan: BuildPlan) -> Iterator[tuple[str, Place]]:
+    """Yield the place of each element of a spec and of each of its conditions, by its name in files."""
+    spec = plan.checked.spec
+    for variable in spec.context:
+        yield node_id(plan, Node(NodeKind.CONTEXT, variable.name)), variable.place
+    for algorithm in plan.checked.algorithms.values():
+        name = node_id(plan, Node(NodeKind.PERCEPTION, algorithm.name))
+        yield name, algorithm.algorithm.place
+        for key in ("observable_when", "accept_when"):
+            for number, condition in enumerate(getattr(algorithm, key)):
+                yield f"{name}/{key}/{number}", condition.place
+        yield from ((f"{name}/identifies/{variable}", by.place) for variable, by in algorithm.identifies)
+    settings = {setting.name: setting.place for setting in spec.observers}
+    for tree in plan.forest:
+        place = settings.get(tree.name, tree.branches[0].algorithm.algorithm.place)
+        yield node_id(plan, Node(NodeKind.OBSERVER, tree.name)), place
+    for skill in spec.skills:
+        yield node_id(plan, Node(NodeKind.SKILL, skill.name)), skill.place
+    if plan.checked.knowledge is not None:
+        yield from known_places(plan, plan.checked.knowledge)
+    if plan.checked.mape is not None:
+        yield from loop_places(plan, plan.checked.mape)
+
+
+def _where(place: Place) -> str:
+    use = "" if place.use is None else f', "use": {{{_line(place.use)}}}'
+    return f"{{{_line(place.span)}{use}}}"
+
+
+def _line(span: Span) -> str:
+    return f'"file": {json_text(span.file)}, "line": {span.line}'
+
+
+def object_of(**parts: str) -> str:
+    """Return a JSON object of parts that are JSON already, one a line."""
+    inner = ",\n".join(f"{json.dumps(key)}: {text}" for key, text in parts.items())
+    return f"{{\n{inner}\n}}\n"
+
+
+def list_of(items: Iterable[object]) -> str:
+    """Return a JSON list, one item a line."""
+    return _listed(list(map(json.dumps, items)))
+
+
+def mapping_of(items: Mapping[str, object]) -> str:
+    """Return a JSON object, one entry a line."""
+    return _mapped([f"{json.dumps(key)}: {json.dumps(value)}" for key, value in items.items()])
+
+
+def _listed(lines: list[str]) -> str:
+    return "[\n" + ",\n".join(lines) + "\n]" if lines else "[]"
+
+
+def _mapped(lines: list[str]) -> str:
+    return "{\n" + ",\n".join(lines) + "\n}" if lines else "{}"
+
+
+def _entries(items: Mapping[str, object]) -> str:
+    """Return the entries of a JSON object, on one line without its braces."""
+    texts = (json_text(value) if type(value) is str else json.dumps(value) for value in items.values())
+    return ", ".join([f'"{key}": {text}' for key, text in zip(items, texts, strict=True)])
+
+
+def _digest(text: str) -> str:
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
+
+
+def model_digest(plan: BuildPlan) -> str:
+    """Return a digest of what the checked spec means: the same wherever its elements stand in its files."""
+    checked, spec = plan.checked, plan.checked.spec
+    meant = (
+        spec.name,
+        tuple(checked.variables.values()),
+        tuple(checked.algorithms.values()),
+        tuple(checked.producers.items()),
+        checked.decisions,
+        spec.skills,
+        spec.observers,
+        spec.resources,
+        spec.agents,
+    )
+    known = (spec.types, spec.nodes, spec.edges, spec.tasks, tuple(agent.conduct for agent in spec.agents))
+    told = (*meant, *known) if spec.knows else meant
+    return _digest(_meaning((*told, *_looping(checked)) if checked.mape is not None else told))
+
+
+def _looping(checked: CheckedSpec) -> tuple[object, ...]:
+    """Return what a spec means by its loops, its trees as their files say."""
+    spec = checked.spec
+    words = tuple((variable.terms, variable.rate) for variable in spec.context)
+    trees = tuple(tree.forest for tree in checked.mape.trees) if checked.mape is not None else ()
+    return (spec.metrics, spec.actions, spec.adaptation, spec.trees, spec.loops, words, trees)
+
+
+def _meaning(value: Any) -> str:
+    """Return a value as the text of tuples and plain values, which differ whenever the meaning does."""
+    return _WRITERS.get(type(value), _written)(value)
+
+
+def _written(value: Any) -> str:
+    """Return the meaning of a value of a type that was not met before."""
+    kind = type(value)
+    _WRITERS[kind] = _writer(kind)
+    return _WRITERS[kind](value)
+
+
+def _writer(kind: Any) -> Callable[[Any], str]:
+    """Return what writes the values of a type: of an enumeration, or of frozen values."""
+    if issubclass(kind, Enum):
+        return lambda value: ascii(value.value)
+    names = [field.name for field in dataclasses.fields(kind)]
+    meant = [name for name in names if name not in _NOT_MEANT and (kind, name) not in _CHECKED_TOO | _TOLD_APART]
+    shape = f"({', '.join([ascii(kind.__name__), *('%s' for _ in meant)])}{'' if meant else ','})"
+    fields = [attrgetter(name) for name in meant]
+    return lambda value: shape % tuple([_meaning(field(value)) for field in fields])
+
+
+def _several(values: tuple[Any, ...]) -> str:
+    """Return the meanings of several values as the text of a tuple."""
+    return f"({', '.join(map(_meaning, values))}{',' if len(values) == 1 else ''})"
+
+
+_WRITERS: dict[type, Callable[[Any], str]] = {
+    **dict.fromkeys((bool, int, float, str, type(None)), ascii),
+    tuple: _several,
+}
+"""What writes the values of each type; types of the model are added as they are met."""

@@ -1,0 +1,37 @@
+"""The packaged templates. They are wiring: every value arrives as the text of a Python expression."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.emit.literals import prose
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+
+def render(template: str, **texts: object) -> str:
+    """Return a template filled with texts."""
+    return _environment().get_template(template).render(**texts)
+
+
+def made_by(plan: BuildPlan) -> str:
+    """Return the line that says where generated code comes from and how to renew it."""
+    file = prose(plan.checked.spec.file)
+    return f"Made by codra from {file}; edits are lost. Renew: codra compile {file}"
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  not where nothing is emitted
+
+    return Environment(
+        loader=PackageLoader("codra_dsl.generation.emit"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )

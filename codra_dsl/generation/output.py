@@ -1,0 +1,306 @@
+"""The output folder: what in it is ours, whether it is fresh, and how it is renewed.
+
+The folder holds an `__init__.py` and one package per spec. A package is ours when its manifest says so. In what is ours
+everything that was not made by this run is an orphan, but for `__pycache__` and names that begin with a dot. A package
+of ours is an orphan as a whole when the file that it was made from was compiled in this run and makes it no longer.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+from codra_dsl.collector import paused_collector
+from codra_dsl.language.diagnostics import Diagnostic, Place, Severity, Span, rules
+from codra_dsl.language.project import MANIFEST, MANIFEST_FORMAT, covers
+
+_CACHE = "__pycache__"
+_ENTRY = "__init__.py"
+_STAGING = ".codra-"
+
+
+RULES = rules(
+    ("CDR6001", "same-spec-name", Severity.ERROR),
+    ("CDR6002", "foreign-folder", Severity.ERROR),
+    ("CDR6003", "stale-output", Severity.ERROR),
+    ("CDR6004", "cannot-write", Severity.ERROR),
+)
+
+
+def about_output(rule: str, path: str, message: str, *, help: str) -> Diagnostic:
+    """Return a finding about a file or folder of the output."""
+    return Diagnostic(rule=RULES[rule], message=message, place=Place(Span(path, 1, 1, 1, 1)), path=path, help=help)
+
+
+class Change(StrEnum):
+    """How a file in the output folder differs from what the specs say."""
+
+    MODIFIED = "modified"
+    MISSING = "missing"
+    ORPHAN = "orphan"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """A file that is not as it should be.
+
+    Attributes:
+        path: beginning with the output folder's name, with `/`.
+        diff: from what is there to what should be, in unified form.
+    """
+
+    path: str
+    change: Change
+    diff: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Freshness:
+    """How an output folder compares with what it should hold; with a finding, it was not compared."""
+
+    drifts: tuple[Drift, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What was done to an output folder, by paths relative to it; with a finding, nothing more was done after it."""
+
+    changed: tuple[str, ...] = ()
+    removed: tuple[str, ...] = ()
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def stale(drifted: Drift) -> Diagnostic:
+    """Return a drift as a finding, for tools."""
+    message = f"'{drifted.path}' is not what the specs say: {drifted.change.value}"
+    return about_output("stale-output", drifted.path, message, help="renew it with 'codra compile'")
+
+
+@paused_collector()
+def freshness(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Freshness:
+    """Return how an output folder differs from what it should hold; nothing is written.
+
+    Args:
+        files: what it should hold, by path relative to it.
+        out: the output folder, as an absolute path.
+        covered: the specs' files and folders that this run answers for, relative to the project root.
+    """
+    if not _is_ours_or_new(out):
+        return Freshness(diagnostics=(_refusal(out, out),))
+    compared = (_compared(path, text, out) for path, text in files.items())
+    orphans = (_drift(path, Change.ORPHAN, out, "") for path in _orphans(files, out, covered))
+    drifts = [*(each for each in compared if each is not None), *orphans]
+    return Freshness(drifts=tuple(sorted(drifts, key=lambda each: each.path)))
+
+
+def is_as_made(outputs: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> bool:
+    """Return whether an output folder holds what some run made, no more and no less.
+
+    Args:
+        outputs: the digest of each file, as `digests` gives it, by path relative to the folder.
+        out: the output folder, as an absolute path.
+        covered: the specs' files and folders that the run answers for, relative to the project root.
+    """
+    if any(_foreign(outputs, out)) or _orphans(outputs, out, covered):
+        return False
+    return all(_digest(_bytes(out / path)) == digest for path, digest in outputs.items())
+
+
+def digests(files: Mapping[str, str]) -> Mapping[str, str]:
+    """Return the digest of each output by its path."""
+    return {path: _digest(text.encode()) for path, text in files.items()}
+
+
+def _digest(data: bytes | None) -> str:
+    return "" if data is None else hashlib.sha256(data).hexdigest()
+
+
+@paused_collector()
+def write(files: Mapping[str, str], out: Path, covered: Iterable[str] = ()) -> Written:
+    """Bring an output folder up to date: write what changed, remove orphans, touch nothing else.
+
+    New text is compiled before it replaces the old, and each file is replaced at once. A folder that is not ours is
+    left alone, with a finding.
+
+    Args:
+        files: what it should hold, by path relative to it.
+        out: the output folder, as an absolute path.
+        covered: the specs' files and folders that this run answers for, relative to the project root.
+
+    Raises:
+        BrokenOutputError: if a text does not compile; then nothing was written.
+    """
+    from codra_dsl.generation.emit.self_check import prove  # noqa: PLC0415  whoever has nothing to write does not need the emitter
+
+    refused = tuple(_foreign(files, out))
+    if refused:
+        return Written(diagnostics=refused)
+    orphans = _orphans(files, out, covered)
+    changed = {path: text for path, text in sorted(files.items()) if _bytes(out / path) != text.encode()}
+    prove(changed)
+    try:
+        _replace(changed, out)
+        _remove(orphans, out)
+    except OSError as error:
+        return Written(diagnostics=(_unwritable(error, out),))
+    return Written(changed=tuple(changed), removed=tuple(orphans))
+
+
+# ---------------------------------------------------------------------------------------------------- what is ours
+
+
+def _foreign(files: Mapping[str, str], out: Path) -> Iterator[Diagnostic]:
+    """Yield a finding for each folder that would be written and is not ours."""
+    if not _is_ours_or_new(out):
+        yield _refusal(out, out)
+        return
+    for package in sorted({path.split("/")[0] for path in files if "/" in path}):
+        folder = out / package
+        if folder.is_symlink() or (_entries(folder) != [] and not _is_our_package(folder)):
+            yield _refusal(folder, out)
+
+
+def _refusal(folder: Path, out: Path) -> Diagnostic:
+    shown = folder.relative_to(out.parent).as_posix() if folder != out else out.name
+    what = "is no folder" if folder.exists() and not folder.is_dir() else "holds files that codra did not make"
+    what = "is a link" if folder.is_symlink() else what
+    help = "choose another folder with --out, or move what it holds away"
+    return about_output("foreign-folder", shown, f"'{shown}' {what}, so nothing is written there", help=help)
+
+
+def _is_ours_or_new(out: Path) -> bool:
+    """Return whether an output folder is missing, empty, or holds our `__init__.py` or a package of ours."""
+    if not out.exists():
+        return True
+    if not out.is_dir():
+        return False
+    entries = _entries(out)
+    if not entries or any(map(_is_our_package, entries)):
+        return True
+    from codra_dsl.generation.emit import package_text  # noqa: PLC0415
+
+    return _text(out / _ENTRY) == package_text()
+
+
+def _is_our_package(folder: Path) -> bool:
+    """Return whether a folder has a manifest of ours, be it edited or torn by a merge."""
+    return not folder.is_symlink() and f'"{MANIFEST_FORMAT}"' in _text(folder / MANIFEST)
+
+
+def _entries(folder: Path) -> list[Path]:
+    """Return what a folder holds that may be output, sorted; [] if there is no such folder."""
+    if not folder.is_dir():
+        return []
+    return sorted(entry for entry in folder.iterdir() if entry.name != _CACHE and not entry.name.startswith("."))
+
+
+# ---------------------------------------------------------------------------------------------------- what is not fresh
+
+
+def _compared(path: str, text: str, out: Path) -> Drift | None:
+    there = _bytes(out / path)
+    if there == text.encode():
+        return None
+    return _drift(path, Change.MISSING if there is None else Change.MODIFIED, out, text)
+
+
+def _drift(path: str, change: Change, out: Path, wanted: str) -> Drift:
+    shown = f"{out.name}/{path}"
+    there, made = _text(out / path).splitlines(keepends=True), wanted.splitlines(keepends=True)
+    lines = difflib.unified_diff(there, made, f"{shown} (as it is)", f"{shown} (as specified)")
+    return Drift(path=shown, change=change, diff="".join(map(_ended, lines)))
+
+
+def _ended(line: str) -> str:
+    return line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+
+
+def _orphans(files: Mapping[str, str], out: Path, covered: Iterable[str]) -> list[str]:
+    """Return the files in what is ours that nothing makes, sorted."""
+    packages = {path.split("/")[0] for path in files if "/" in path}
+    prefixes = tuple(covered)
+    found: list[str] = []
+    for entry in _entries(out):
+        if not entry.is_dir() or entry.is_symlink():
+            found += [entry.name]
+        elif entry.name in packages or (_is_our_package(entry) and _is_covered(entry, prefixes)):
+            found += _files_below(entry, out)
+    return sorted(path for path in found if path not in files)
+
+
+def _files_below(folder: Path, out: Path) -> Iterator[str]:
+    for entry in _entries(folder):
+        if entry.is_dir() and not entry.is_symlink():
+            yield from _files_below(entry, out)
+        else:
+            yield entry.relative_to(out).as_posix()
+
+
+def _is_covered(package: Path, covered: tuple[str, ...]) -> bool:
+    """Return whether the spec of a package is among the files and folders that this run answers for."""
+    try:
+        spec = str(json.loads(_text(package / MANIFEST))["spec"])
+    except (ValueError, TypeError, LookupError):
+        return False
+    return covers(covered, spec)
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None
+
+
+def _text(path: Path) -> str:
+    return (_bytes(path) or b"").decode(errors="replace")
+
+
+# ---------------------------------------------------------------------------------------------------- writing
+
+
+def _replace(files: Mapping[str, str], out: Path) -> None:
+    """Write all files beside the output folder's packages, then move each to its place.
+
+    Manifests go first: a folder is recognised as ours even if its writing is broken off.
+    """
+    if not files:
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=_STAGING, dir=out) as staging:
+        staged = {path: Path(staging) / str(number) for number, path in enumerate(files)}
+        for path, temporary in staged.items():
+            temporary.write_bytes(files[path].encode())
+        for path in sorted(files, key=lambda each: (not each.endswith(MANIFEST), each)):
+            (out / path).parent.mkdir(exist_ok=True)
+            staged[path].replace(out / path)
+
+
+def _remove(paths: Iterable[str], out: Path) -> None:
+    """Remove orphans, and folders that hold nothing else any more."""
+    for path in paths:
+        (out / path).unlink()
+        folder = (out / path).parent
+        while folder != out and not _entries(folder):
+            shutil.rmtree(folder / _CACHE, ignore_errors=True)
+            if any(folder.iterdir()):
+                break
+            folder.rmdir()
+            folder = folder.parent
+
+
+def _unwritable(error: OSError, out: Path) -> Diagnostic:
+    shown = Path(error.filename2 or error.filename or out)
+    path = shown.relative_to(out.parent).as_posix() if shown.is_relative_to(out.parent) else shown.as_posix()
+    message = f"cannot write '{path}': {error.strerror}"
+    return about_output(
+        "cannot-write", path, message, help="check the permissions, or choose another folder with --out"
+    )

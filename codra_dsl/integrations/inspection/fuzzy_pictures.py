@@ -1,0 +1,121 @@
+"""Pictures of fuzzy engines: the terms of their variables, and what an output is over two inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from codra_dsl.language.fuzzy import compile_engine
+from codra_dsl.language.fuzzy.check import names_in
+from codra_dsl.language.fuzzy.dialects import NUMBERS
+from codra_dsl.language.fuzzy.model import AnyTerm, Engine, FormulaTerm, Variable
+from codra_dsl.language.fuzzy.shapes import membership
+from codra_dsl.language.fuzzy.words import Shape
+from codra_dsl.runtime.loops.fuzzy import formulas, terms
+
+__all__ = [
+    "draw_memberships",
+    "draw_surface",
+    "load_engine",
+    "surface",
+]
+
+_POINTS = 401
+_SIDE = 61
+_COLUMNS = 3
+
+
+def load_engine(engine: Engine) -> ModuleType:
+    """Return the module of an engine, compiled and run."""
+    module = ModuleType(engine.name or "engine")
+    exec(compile(compile_engine(engine), f"<{module.__name__}>", "exec"), module.__dict__)
+    return module
+
+
+def draw_memberships(path: Path, engine: Engine) -> None:
+    """Draw each variable's terms over its range; terms that depend on other variables are left out.
+
+    Args:
+        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+        engine: its variables have finite ranges.
+    """
+    variables = engine.variables
+    rows = -(-len(variables) // _COLUMNS)
+    figure = Figure(figsize=(4.2 * _COLUMNS, 2.3 * rows), layout="constrained")
+    for index, variable in enumerate(variables):
+        _draw_terms(figure.add_subplot(rows, _COLUMNS, index + 1), variable)
+    _save(figure, path)
+
+
+def draw_surface(
+    path: Path, engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float] | None = None
+) -> None:
+    """Draw an output over two inputs; where it is unknown the picture is blank.
+
+    Args:
+        path: where the picture goes.
+        engine: the two inputs have finite ranges.
+        output: its name.
+        inputs: the names of those along x and y.
+        fixed: the values of the other inputs; the middle of their range by default.
+    """
+    heights = surface(engine, output, inputs, fixed or {})
+    first, second = (engine.variable(name) for name in inputs)
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.add_subplot()
+    extent = (first.minimum, first.maximum, second.minimum, second.maximum)
+    picture = axes.imshow(heights, origin="lower", extent=extent, aspect="auto", cmap="viridis")
+    drawn = axes.contour(heights, origin="lower", extent=extent, colors="white", linewidths=0.7)
+    axes.clabel(drawn, fontsize=8)
+    axes.set_xlabel(first.name)
+    axes.set_ylabel(second.name)
+    axes.set_title(output, fontsize=10, loc="left")
+    figure.colorbar(picture, ax=axes)
+    _save(figure, path)
+
+
+def surface(engine: Engine, output: str, inputs: tuple[str, str], fixed: Mapping[str, float]) -> NDArray[np.float64]:
+    """Return what `draw_surface` draws: a row for each of 61 values of the second input, the least first."""
+    infer = load_engine(engine).infer
+    index = [each.name for each in engine.outputs].index(output)
+    usual = {each.name: (each.minimum + each.maximum) / 2.0 for each in engine.inputs} | dict(fixed)
+    across, up = ((engine.variable(name).minimum, engine.variable(name).maximum) for name in inputs)
+    rows = [
+        [
+            infer(*(usual | dict(zip(inputs, (x, y), strict=True))).values()).values[index]
+            for x in np.linspace(*across, _SIDE).tolist()
+        ]
+        for y in np.linspace(*up, _SIDE).tolist()
+    ]
+    return np.array(rows)
+
+
+def _draw_terms(axes: Axes, variable: Variable) -> None:
+    xs = np.linspace(variable.minimum, variable.maximum, _POINTS).tolist()
+    for term in variable.terms:
+        degree = _membership(term)
+        if degree is not None:
+            axes.plot(xs, [degree(x) for x in xs], label=term.name)
+    axes.set_title(variable.name, fontsize=10, loc="left")
+    axes.set_ylim(-0.03, 1.05)
+    axes.legend(fontsize=8, frameon=False)
+
+
+def _membership(term: AnyTerm) -> Callable[[float], float] | None:
+    if names_in(term.formula) - {"x"} if isinstance(term, FormulaTerm) else term.shape is Shape.Linear:
+        return None
+    source = f"lambda x: {membership(term, 'x', {}, [], NUMBERS)}"
+    found: Callable[[float], float] = eval(source, {"terms": terms, "formulas": formulas})
+    return found
+
+
+def _save(figure: Figure, path: Path) -> None:
+    with mpl.rc_context({"svg.hashsalt": "codra"}):
+        figure.savefig(path, dpi=90, metadata={"Date": None} if path.suffix == ".svg" else None)

@@ -1,0 +1,155 @@
+"""Compile a spec and import the generated package, wherever it is."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from types import ModuleType
+from typing import Any, cast
+
+from codra_dsl.compiler import Planned, plan_paths
+from codra_dsl.generation.algorithm2 import plan
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.generation.emit import emit
+from codra_dsl.language.check import check
+from codra_dsl.language.diagnostics import Diagnostic, has_errors
+from codra_dsl.language.load import load_spec
+from codra_dsl.language.model import Spec
+from codra_dsl.language.project import root_of
+from codra_dsl.runtime import ContextManager
+from codra_dsl.runtime.loops import Mape
+
+Start = Callable[..., ContextManager[Any, Any]]
+
+
+class SpecError(Exception):
+    """A spec has errors, so it cannot be compiled. The message lists them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledSpec:
+    """A spec and the package that was generated from it.
+
+    Attributes:
+        spec: the spec, with its templates expanded.
+        package: the imported package.
+    """
+
+    spec: Spec
+    package: ModuleType
+
+    @property
+    def start(self) -> Start:
+        """Return the package's `start`, which starts the observers and returns the context manager."""
+        return cast("Start", self.package.start)
+
+    @property
+    def loops(self) -> Callable[..., Mape] | None:
+        """Return the package's `loops`, which makes the MAPE-K loops; None if the spec declares none."""
+        return getattr(self.package, "loops", None)
+
+
+def compile_and_load(source: Path | Spec | BuildPlan, folder: Path) -> CompiledSpec:
+    """Compile a spec, write the generated package into a folder, and import it from there.
+
+    Args:
+        source: a file that holds one spec, a spec as a value (without behaviour trees of its own), or a build plan.
+        folder: an empty folder for the package; it is created. Its path distinguishes packages of the same name.
+
+    Raises:
+        SpecError: if the spec has errors, or the file does not hold exactly one spec.
+    """
+    build_plan = source if isinstance(source, BuildPlan) else _plan_of(source)
+    spec = build_plan.checked.spec
+    return CompiledSpec(spec=spec, package=load_emitted(emit(build_plan), spec.name, folder))
+
+
+def read_spec(path: Path) -> Spec:
+    """Return the spec of a file, without checking it further than its shape.
+
+    Raises:
+        SpecError: if it cannot be read as a spec.
+    """
+    spec, diagnostics = load_spec(path.absolute(), path.absolute().parent)
+    if spec is None:
+        raise _spec_error(diagnostics)
+    return spec
+
+
+def source_files(spec: Path) -> tuple[Path, ...]:
+    """Return the files that a spec is compiled from: its own, included parts, behaviour trees and Python modules.
+
+    Files that the spec names and that do not exist are listed as well.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
+    planned = _planned(spec)
+    return tuple(planned.root / name for name in (*planned.files, *planned.modules))
+
+
+def _plan_of(source: Path | Spec) -> BuildPlan:
+    if isinstance(source, Spec):
+        checked, diagnostics = check(source)
+        if checked is None:
+            raise _spec_error(diagnostics)
+        return plan(checked)
+    planned = plan_paths([source.absolute()], root_of(source))
+    if len(planned.plans) != 1:
+        raise _spec_error(planned.diagnostics, f"'{source}' holds no single spec")
+    return planned.plans[0]
+
+
+def _planned(spec: Path) -> Planned:
+    planned = plan_paths([spec.absolute()], root_of(spec))
+    if has_errors(planned.diagnostics):
+        raise _spec_error(planned.diagnostics)
+    return planned
+
+
+def _spec_error(diagnostics: Iterable[Diagnostic], otherwise: str = "") -> SpecError:
+    return SpecError(", ".join(diagnostic.message for diagnostic in diagnostics) or otherwise)
+
+
+def load_start(files: Mapping[str, str], name: str, folder: Path) -> Start:
+    """Write generated files into a folder and return the `start` of the package `name` among them.
+
+    The arguments are those of `load_emitted`.
+    """
+    return cast("Start", load_emitted(files, name, folder).start)
+
+
+def load_emitted(files: Mapping[str, str], name: str, folder: Path) -> ModuleType:
+    """Write generated files into a folder and return the package `name` among them.
+
+    Args:
+        files: texts by path relative to the folder, as the compiler emits them.
+        name: the spec's name.
+        folder: an empty folder of this run; its path keeps packages of several runs apart.
+    """
+    for path, text in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    return load_package(folder / name)
+
+
+def load_package(folder: Path) -> ModuleType:
+    """Import the generated package in a folder, which need not be on the path, and return it.
+
+    Raises:
+        ImportError: if there is no package. Errors of the package itself are raised as they are.
+    """
+    package = f"_codra_{sha256(str(folder.absolute()).encode()).hexdigest()[:16]}_{folder.name}"
+    spec = importlib.util.spec_from_file_location(
+        package, folder / "__init__.py", submodule_search_locations=[str(folder)]
+    )
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{folder} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[package] = module
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,188 @@
+"""Pictures of sweeps: terms of inputs, metrics and weights over one input, and surfaces over two."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from codra_dsl.runtime.loops import InputModel
+from codra_dsl.runtime.loops.sweep import Row, Sweep
+from codra_dsl.runtime.values.conditions import Value
+
+_POINTS = 401
+_COLUMNS = 3
+_GREY = "#5a6b75"
+_COURSES = ("#4878a8", "#e0a030", "#6aa84f", "#b04a5a", "#8064a2", "#4bacc6", "#9c6b4e", "#7f7f7f")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """An input along which is drawn.
+
+    Attributes:
+        unit: empty for none.
+        values: in order; members of an enum and truth values are drawn side by side.
+        terms: its terms; None where rules have none for it.
+    """
+
+    variable: str
+    unit: str
+    values: Sequence[Value]
+    terms: InputModel | None = None
+
+    @property
+    def label(self) -> str:
+        """Return what stands along it."""
+        return f"{self.variable} in {self.unit}" if self.unit else self.variable
+
+    @property
+    def has_members(self) -> bool:
+        """Return whether its values are names and no numbers."""
+        return isinstance(self.values[0], (str, bool))
+
+    def places(self) -> list[float]:
+        """Return where its values stand."""
+        return [
+            float(index) if isinstance(value, (str, bool)) else float(value) for index, value in enumerate(self.values)
+        ]
+
+    def mark(self, axes: Axes, which: str) -> None:
+        """Write its values, if they are names, and what it is."""
+        if self.has_members:
+            names = [str(value).lower() if isinstance(value, bool) else str(value) for value in self.values]
+            getattr(axes, f"set_{which}ticks")(self.places(), names)
+        getattr(axes, f"set_{which}label")(self.label)
+
+
+def memberships_svg(axes: Sequence[Axis]) -> bytes:
+    """Return a picture of the terms of each input that has some, over the values of its axis."""
+    drawn = [each for each in axes if each.terms is not None and not each.terms.members]
+    rows = -(-len(drawn) // _COLUMNS)
+    figure = Figure(figsize=(4.2 * min(_COLUMNS, len(drawn)), 2.6 * rows), layout="constrained")
+    for index, each in enumerate(drawn):
+        panel = figure.add_subplot(rows, min(_COLUMNS, len(drawn)), index + 1)
+        _draw_terms(panel, each)
+        each.mark(panel, "x")
+    return _svg(figure)
+
+
+def sweep_svg(found: Sweep, axis: Axis) -> bytes:
+    """Return a picture of a sweep: the terms of the input, metrics, weights, and where the course switches."""
+    has_terms = axis.terms is not None and not axis.terms.members
+    names = [*(["terms"] if has_terms else []), "metrics", *(["weights"] if found.rows[0].weights else [])]
+    figure = Figure(figsize=(8.0, 0.6 + 2.2 * len(names)), layout="constrained")
+    panels = dict(zip(names, np.atleast_1d(figure.subplots(len(names), 1, sharex=True)).tolist(), strict=True))
+    if has_terms:
+        _draw_terms(panels["terms"], axis)
+    for name in names[has_terms:]:
+        _draw_curves(panels[name], axis, [row.metrics if name == "metrics" else row.weights for row in found.rows])
+    for name, panel in panels.items():
+        panel.set_ylabel(name)
+        for switch in found.switches:
+            panel.axvline(_between(axis, switch.low, switch.high), color=_GREY, linewidth=0.9, linestyle=":")
+    _name_courses(panels[names[0]], axis, found)
+    axis.mark(panels[names[-1]], "x")
+    return _svg(figure)
+
+
+def surfaces_svg(rows: Sequence[Sequence[Row]], across: Axis, up: Axis) -> bytes:
+    """Return a picture of each metric, each weight and the course over two inputs; what is unknown is blank."""
+    first = rows[0][0]
+    shown = [(name, [[row.metrics[name] for row in line] for line in rows]) for name in first.metrics]
+    shown += [(f"weight of {name}", [[row.weights[name] for row in line] for line in rows]) for name in first.weights]
+    panels = len(shown) + bool(first.action)
+    height = -(-panels // _COLUMNS)
+    figure = Figure(figsize=(4.4 * _COLUMNS, 3.2 * height), layout="constrained")
+    for index, (name, values) in enumerate(shown):
+        axes = figure.add_subplot(height, _COLUMNS, index + 1)
+        heights = np.array([[np.nan if value is None else value for value in line] for line in values])
+        picture = axes.pcolormesh(
+            across.places(), up.places(), heights, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True
+        )
+        figure.colorbar(picture, ax=axes)
+        _entitle(axes, name, across, up)
+    if first.action:
+        _draw_courses(figure.add_subplot(height, _COLUMNS, panels), rows, across, up)
+    return _svg(figure)
+
+
+def _draw_terms(axes: Axes, axis: Axis) -> None:
+    assert axis.terms is not None
+    places = axis.places()
+    xs = np.linspace(min(places), max(places), _POINTS).tolist()
+    for name, degree in axis.terms.terms.items():
+        axes.plot(xs, [degree(x) for x in xs], label=name)
+    axes.set_ylim(-0.03, 1.05)
+    _add_legend(axes)
+
+
+def _draw_curves(axes: Axes, axis: Axis, rows: Sequence[Mapping[str, float | None]]) -> None:
+    marker, line = ("o", "--") if axis.has_members else ("", "-")
+    for index, name in enumerate(rows[0]):
+        values = [float("nan") if (value := row[name]) is None else value for row in rows]
+        width = max(1.2, 4.0 - 0.9 * index)  # so that of lines that coincide each is seen
+        axes.plot(axis.places(), values, label=name, marker=marker, linestyle=line, linewidth=width)
+    axes.set_ylim(-0.03, 1.05)
+    _add_legend(axes)
+
+
+def _add_legend(axes: Axes) -> None:
+    axes.legend(fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def _between(axis: Axis, low: Value, high: Value) -> float:
+    if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
+        values = list(axis.values)
+        return (values.index(low) + values.index(high)) / 2.0
+    return (low + high) / 2.0
+
+
+def _name_courses(axes: Axes, axis: Axis, found: Sweep) -> None:
+    """Write the course above the part of the axis in which it is."""
+    edges = [_between(axis, each.low, each.high) for each in found.switches]
+    ends = [axis.places()[0], *edges, axis.places()[-1]]
+    actions = [found.rows[0].action, *(each.after for each in found.switches)]
+    for action, (start, end) in zip(actions, itertools.pairwise(ends), strict=True):
+        axes.annotate(action, ((start + end) / 2.0, 1.07), ha="center", fontsize=8, color=_GREY, annotation_clip=False)
+
+
+def _draw_courses(axes: Axes, rows: Sequence[Sequence[Row]], across: Axis, up: Axis) -> None:
+    actions = list(rows[0][0].weights)
+    numbers = np.array([[actions.index(row.action) for row in line] for line in rows])
+    colours = [_COURSES[index % len(_COURSES)] for index in range(len(actions))]
+    axes.pcolormesh(
+        across.places(),
+        up.places(),
+        numbers,
+        cmap=ListedColormap(colours),
+        vmin=-0.5,
+        vmax=len(actions) - 0.5,
+        shading="nearest",
+        rasterized=True,
+    )
+    seen = [action for index, action in enumerate(actions) if (numbers == index).any()]
+    patches = [Patch(color=colours[actions.index(action)], label=action) for action in seen]
+    axes.legend(handles=patches, fontsize=8, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    _entitle(axes, "course", across, up)
+
+
+def _entitle(axes: Axes, title: str, across: Axis, up: Axis) -> None:
+    axes.set_title(title, fontsize=10, loc="left")
+    across.mark(axes, "x")
+    up.mark(axes, "y")
+
+
+def _svg(figure: Figure) -> bytes:
+    stream = BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()

@@ -1,0 +1,171 @@
+"""Running a state machine by RAFCON's engine, in real or in simulated time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rafcon.core.config import global_config
+from rafcon.core.singleton import (
+    global_variable_manager,
+    library_manager,
+    state_machine_execution_engine,
+    state_machine_manager,
+)
+from rafcon.core.start import setup_environment
+from rafcon.core.state_machine import StateMachine
+from rafcon.core.states.concurrency_state import ConcurrencyState
+from rafcon.core.storage.storage import load_state_machine_from_path
+
+from codra_dsl.integrations.rafcon.annotations import states_within
+from codra_dsl.integrations.rafcon.bridge import Answers, Bridge
+from codra_dsl.integrations.rafcon.hand_over import HandOver
+from codra_dsl.runtime import Clock, ContextManager
+
+LIBRARIES: Mapping[str, Path] = {"codra": Path(__file__).parent / "libraries" / "codra"}
+"""Folders of libraries by their root keys, as RAFCON's setting LIBRARY_PATHS wants them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a state machine ended.
+
+    Attributes:
+        outcome: the name of its root state's outcome; `aborted` and `preempted` are RAFCON's own.
+        error: what a state raised, if that is why it was aborted.
+    """
+
+    outcome: str
+    error: BaseException | None
+
+
+@contextmanager
+def opened(folder: Path, libraries: Mapping[str, Path] = LIBRARIES) -> Iterator[StateMachine]:
+    """Load a state machine that RAFCON saved, and forget it at the end of the `with` statement.
+
+    Args:
+        folder: that holds `statemachine.json`.
+        libraries: that the state machine uses.
+    """
+    register(libraries)
+    with entered(load_state_machine_from_path(str(folder))) as machine:
+        yield machine
+
+
+@contextmanager
+def entered(machine: StateMachine) -> Iterator[StateMachine]:
+    """Make a state machine that was not loaded one that can be run, until the end of the `with` statement."""
+    state_machine_manager.add_state_machine(machine)
+    try:
+        yield machine
+    finally:
+        state_machine_manager.remove_state_machine(machine.state_machine_id)
+
+
+def register(libraries: Mapping[str, Path] = LIBRARIES) -> None:
+    """Tell RAFCON of libraries, and of no others, by their root keys: then states of them can be made and loaded."""
+    setup_environment()
+    global_config.set_config_value("LIBRARY_PATHS", {key: str(path) for key, path in libraries.items()})
+    library_manager.initialize()
+
+
+def run_in_real_time(
+    machine: StateMachine,
+    codra: ContextManager[Any, Any],
+    clock: Clock,
+    *,
+    handles: Mapping[str, object] | None = None,
+    answers: Answers = Answers.CONTEXT,
+) -> Ended:
+    """Run a state machine whose states decide on context, each in its own thread; return when it has ended.
+
+    Args:
+        machine: an `opened` or `entered` one.
+        codra: what its states ask.
+        clock: the one that `codra` was started with.
+        handles: what scripts find as global variables, by name: the robot, for instance.
+        answers: how decisions are answered.
+
+    Raises:
+        AnnotationError: if the semantic data of its states is wrong.
+        RuntimeError: if another state machine runs: RAFCON has one engine a process.
+    """
+    _check_idle()
+    with Bridge(codra, clock, answers=answers).attached(machine), _handed(handles or {}):
+        state_machine_execution_engine.start(machine.state_machine_id)
+        try:
+            state_machine_execution_engine.join()
+        except BaseException:
+            state_machine_execution_engine.stop()
+            state_machine_execution_engine.join()
+            raise
+    return _ended(machine)
+
+
+def run_in_simulated_time(
+    machine: StateMachine,
+    codra: ContextManager[Any, Any],
+    clock: Clock,
+    *,
+    handles: Mapping[str, object] | None = None,
+    answers: Answers = Answers.CONTEXT,
+) -> Ended:
+    """Run a state machine in the time of the thread that calls this; the same seed gives the same record.
+
+    Whatever states ask of the context manager, and every call of a handle's method, runs in this thread, one after the
+    other. The arguments are those of `run_in_real_time`.
+
+    Raises:
+        AnnotationError: if the semantic data of its states is wrong.
+        ValueError: if states of the machine run side by side.
+        RuntimeError: if another state machine runs.
+    """
+    side_by_side = [state for state in states_within(machine.root_state) if isinstance(state, ConcurrencyState)]
+    if side_by_side:
+        path = side_by_side[0].get_path()
+        raise ValueError(f"{path} runs states side by side, and simulated time has one thread: use run_in_real_time")
+    _check_idle()
+    hand_over = HandOver()
+    handed = {name: hand_over.of(handle) for name, handle in (handles or {}).items()}
+    with Bridge(codra, clock, answers=answers, do=hand_over.call).attached(machine), _handed(handed):
+        state_machine_execution_engine.start(machine.state_machine_id)
+        threading.Thread(target=_end_when_done, args=[hand_over], daemon=True).start()
+        try:
+            hand_over.serve()
+        except BaseException:
+            state_machine_execution_engine.stop()
+            hand_over.refuse()
+            state_machine_execution_engine.join()
+            raise
+    return _ended(machine)
+
+
+@contextmanager
+def _handed(handles: Mapping[str, object]) -> Iterator[None]:
+    """Make handles global variables of RAFCON."""
+    for name, handle in handles.items():
+        global_variable_manager.set_variable(name, handle, per_reference=True)
+    try:
+        yield
+    finally:
+        for name in handles:
+            global_variable_manager.delete_variable(name)
+
+
+def _check_idle() -> None:
+    if not state_machine_execution_engine.finished_or_stopped():
+        raise RuntimeError("RAFCON runs another state machine, and has one engine a process: let that one end first")
+
+
+def _end_when_done(hand_over: HandOver) -> None:
+    state_machine_execution_engine.join()
+    hand_over.end()
+
+
+def _ended(machine: StateMachine) -> Ended:
+    root = machine.root_state
+    return Ended(outcome=root.final_outcome.name, error=root.output_data.get("error"))

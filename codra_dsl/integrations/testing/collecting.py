@@ -1,0 +1,94 @@
+"""Timelines as pytest sees them: a file of stories, each an item that runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from codra_dsl.integrations.testing.package import Package
+from codra_dsl.integrations.testing.reading import read_timeline
+from codra_dsl.integrations.testing.run import Run, StoryFailed
+from codra_dsl.integrations.testing.timeline import Story, Timeline
+from codra_dsl.language.diagnostics import Diagnostic, suggest
+from codra_dsl.language.project import root_of
+from codra_dsl.runtime import CallError, SimClock
+from codra_dsl.tooling.report.findings import render_full
+
+
+class TimelineFile(pytest.File):
+    """A file whose name says that it is a timeline."""
+
+    def collect(self) -> Iterable[pytest.Item]:
+        """Yield its stories.
+
+        Raises:
+            CollectError: if something in it is wrong; all findings are told.
+        """
+        timeline, package, findings = read_timeline(self.path)
+        if timeline is None or package is None:
+            raise self.CollectError(_told(findings, self.path))
+        for story in timeline.stories:
+            yield StoryItem.from_parent(self, name=story.name, story=story, timeline=timeline, package=package)
+
+
+class StoryItem(pytest.Item):
+    """One story of a timeline, with the main execution that it tells."""
+
+    def __init__(self, *, story: Story, timeline: Timeline, package: Package, **about: Any) -> None:
+        super().__init__(**about)
+        self._story = story
+        self._timeline = timeline
+        self._package = package
+
+    def runtest(self) -> None:
+        """Run it on a clock of its own."""
+        Run(self._timeline, self._package, self._story, clock=SimClock(), resources={}).play()
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Return what a failed story says, or what is missing to run it; anything else with its traceback."""
+        if isinstance(excinfo.value, StoryFailed | CallError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return file, line and name."""
+        return self.path, self._story.place.span.line - 1, self.name
+
+
+def opened(path: Path, story: str | None, *, clock: SimClock, resources: Mapping[str, object]) -> Run:
+    """Return a story of a file, ready to run.
+
+    Raises:
+        ValueError: if something in the file is wrong, or it has no such story.
+    """
+    timeline, package, findings = read_timeline(path)
+    if timeline is None or package is None:
+        raise ValueError(f"\n{_told(findings, path)}")
+    return Run(timeline, package, _chosen(timeline, story), clock=clock, resources=resources)
+
+
+def _chosen(timeline: Timeline, name: str | None) -> Story:
+    stories = {each.name: each for each in timeline.stories}
+    if name is None and len(stories) == 1:
+        return timeline.stories[0]
+    if name in stories:
+        return stories[name]
+    near = suggest(name or "", stories)
+    hint = f": did you mean {near!r}?" if near else f": there is {', '.join(map(repr, stories))}"
+    asked = "say which story" if name is None else f"{timeline.source.file} has no story {name!r}"
+    raise ValueError(f"{asked}{hint}")
+
+
+def _told(findings: Iterable[Diagnostic], path: Path) -> str:
+    root = root_of(path)
+
+    def text_of(file: str) -> str | None:
+        try:
+            return (root / file).read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            return None
+
+    return render_full(findings, text_of).rstrip("\n")

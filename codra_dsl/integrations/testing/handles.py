@@ -1,0 +1,67 @@
+"""Handles of resources: made anew for each story, and changed as it goes on."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Callable, Mapping, MutableMapping
+from typing import Any
+
+from codra_dsl.integrations.testing.timeline import Alteration, Maker
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.runtime import CallError, Clock
+
+_PLAIN = (bool, int, float, str, type(None))
+
+
+def made(maker: Maker, clock: Clock) -> object:
+    """Return what a maker makes.
+
+    Raises:
+        CallError: if it cannot be imported, or takes other arguments.
+    """
+    try:
+        make = _imported(maker.call)
+        takes_clock = "clock" in inspect.signature(make).parameters and "clock" not in maker.arguments
+        return make(**maker.arguments, **({"clock": clock} if takes_clock else {}))
+    except Exception as error:
+        raise CallError(f"{_at(maker.place)}: {maker.call!r}: {type(error).__name__}: {error}") from error
+
+
+def alter(handle: object, change: Alteration) -> None:
+    """Set attributes of a handle.
+
+    Raises:
+        CallError: if there is no handle, or it has no such attribute.
+    """
+    if handle is None:
+        message = f"nothing makes the handle {change.resource!r}: say so under the key `resources` of the file"
+        raise CallError(f"{_at(change.place)}: {message}")
+    _set(handle, change.attributes, f"{_at(change.place)}: {change.resource}")
+
+
+def _imported(call: str) -> Callable[..., object]:
+    module, _, path = call.partition(":")
+    found: Any = importlib.import_module(module)
+    for name in path.split("."):
+        found = getattr(found, name)
+    function: Callable[..., object] = found
+    return function
+
+
+def _set(target: object, attributes: Mapping[str, object], path: str) -> None:
+    for name, value in attributes.items():
+        is_mapping = isinstance(target, MutableMapping)
+        if not is_mapping and not hasattr(target, name):
+            raise CallError(f"{path} has no attribute {name!r}")
+        inner = target.get(name) if isinstance(target, MutableMapping) else getattr(target, name)
+        if isinstance(value, Mapping) and not isinstance(inner, _PLAIN):
+            _set(inner, value, f"{path}.{name}")
+        elif isinstance(target, MutableMapping):
+            target[name] = value
+        else:
+            setattr(target, name, value)
+
+
+def _at(place: Place) -> str:
+    return f"{place.span.file}:{place.span.line}"

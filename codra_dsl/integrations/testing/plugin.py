@@ -1,0 +1,49 @@
+"""What pytest finds by itself: timelines are tests, and fixtures open them.
+
+It is loaded by every pytest where codra is installed, so whatever costs time is imported when it is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from codra_dsl.integrations.testing.run import OpenStory, Run
+    from codra_dsl.runtime import SimClock
+
+ENDINGS = (".timeline.yaml", ".timeline.yml")
+"""Files that are tests by themselves."""
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect the stories of a timeline as tests."""
+    if not file_path.name.endswith(ENDINGS):
+        return None
+    from codra_dsl.integrations.testing.collecting import TimelineFile
+
+    return TimelineFile.from_parent(parent, path=file_path)
+
+
+@pytest.fixture
+def codra_clock() -> SimClock:
+    """A simulated clock that stands at 0 s; the stories of `codra_story` run on it."""
+    from codra_dsl.runtime import SimClock
+
+    return SimClock()
+
+
+@pytest.fixture
+def codra_story(request: pytest.FixtureRequest, codra_clock: SimClock) -> OpenStory:
+    """Open stories in which a program runs: `with` one of them, call the program with its `codra` and `clock`."""
+    from codra_dsl.integrations.testing.collecting import opened
+
+    folder = request.path.parent
+
+    def open_story(path: str, story: str | None = None, *, resources: Mapping[str, object] | None = None) -> Run:
+        return opened(folder / path, story, clock=codra_clock, resources=resources or {})
+
+    return open_story

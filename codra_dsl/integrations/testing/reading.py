@@ -1,0 +1,186 @@
+"""A file -> (Timeline | None, findings): with the care of specs, and nothing that it names is imported or run.
+
+Only the compiled spec that it is about is imported, for its names and types.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from codra_dsl.integrations.testing.moments import MomentReader
+from codra_dsl.integrations.testing.package import Package, PackageError, load_package
+from codra_dsl.integrations.testing.timeline import Behaviour, Maker, Moment, Story, Timeline, Verb
+from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.shape import explain
+from codra_dsl.language.load.yaml.compose import compose
+from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
+from codra_dsl.language.load.yaml.origin import Origin, Subject
+from codra_dsl.language.load.yaml.reader import Reader, entries
+from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, file_place, read
+from codra_dsl.language.project import relative, root_of
+from codra_dsl.language.units import duration_help, parse_duration
+
+_DEFINITION = "timeline"
+_CALL_HELP = "write 'module:name', for example 'door_world:Camera'"
+
+
+def read_timeline(
+    path: Path, texts: Mapping[str, bytes] = AS_ON_DISK
+) -> tuple[Timeline | None, Package | None, tuple[Diagnostic, ...]]:
+    """Return the timeline in a file with the compiled spec that it is about, or findings where it is none.
+
+    `texts` has files, named from the project's root, that are not read from disk.
+    """
+    findings = Findings()
+    root = root_of(path)
+    source = read(path, relative(path, root), findings, texts)
+    node = None if source is None else compose(source, findings)
+    if source is None or not isinstance(node, MappingNode) or not node.entries:
+        if not len(findings):
+            help = "begin it with 'codra: 1' and 'timeline: NAME'"
+            findings.add("not-a-spec", "the file holds no keys", file_place(relative(path, root)), help=help)
+        return None, None, findings.all()
+    found = _read(source, node, root, findings)
+    told = in_file_order(findings.all())
+    return (None, None, told) if found is None or has_errors(told) else (*found, told)
+
+
+def _read(source: Source, node: MappingNode, root: Path, findings: Findings) -> tuple[Timeline, Package] | None:
+    name = node.value("timeline")
+    key = name if isinstance(name, ScalarNode) else next(iter(node.entries.values()))[0]
+    subject = Subject(_DEFINITION, key, Origin(source))
+    if not sound(_DEFINITION, node.data):
+        explain(_DEFINITION, node, subject, findings)
+    name = node.value("timeline")
+    if not isinstance(name, ScalarNode) or name.reported:
+        return None
+    try:
+        package = load_package(root, name.text)
+    except PackageError as error:
+        findings.add("unknown-value", error.message, subject.origin.of(name), help=error.help, path="timeline")
+        return None
+    return _Reading(source, package, subject, node, findings).timeline(name.text), package
+
+
+class _Reading:
+    """One file of the right shape."""
+
+    def __init__(
+        self, source: Source, package: Package, subject: Subject, node: MappingNode, findings: Findings
+    ) -> None:
+        self._source = source
+        self._package = package
+        self._subject = subject
+        self._node = node
+        self._findings = findings
+        self._moments = MomentReader(package, subject, findings)
+
+    def timeline(self, name: str) -> Timeline:
+        """Return the whole file."""
+        reader = Reader(self._subject, self._node, self._findings)
+        return Timeline(
+            source=self._source,
+            spec=name,
+            seed=reader.number("seed", 0),
+            makers=dict(self._makers()),
+            every_s=dict(self._speakers()),
+            stories=tuple(self._stories()),
+        )
+
+    def _makers(self) -> Iterator[tuple[str, Maker]]:
+        for key, node in self._named("resources", self._package.handles, "handle"):
+            reader = Reader(self._subject, node, self._findings)
+            call = reader.scalar("call")
+            if call is None:
+                continue
+            if not all(part.isidentifier() for part in call.text.replace(":", ".").split(".")) or ":" not in call.text:
+                reader.fail("call", f"{shown(call.text)} names no class or function", call, _CALL_HELP, "resources")
+            literals = {
+                name.text: read_literal(reader, value, "resources", key.text, name.text)
+                for name, value in entries(node.value("with"))
+            }
+            yield key.text, Maker(call=call.text, arguments=literals, place=self._subject.origin.of(call))
+
+    def _speakers(self) -> Iterator[tuple[str, float]]:
+        for key, node in self._named("agents", self._package.agents, "agent"):
+            every_s = Reader(self._subject, node, self._findings).duration_s("every", 0.0)
+            if every_s > 0:
+                yield key.text, every_s
+
+    def _named(self, section: str, names: tuple[str, ...], noun: str) -> Iterator[tuple[ScalarNode, MappingNode]]:
+        for key, value in entries(self._node.value(section)):
+            if key.text not in names:
+                near = self._findings.nearest(key.text, names)
+                help = f"did you mean '{near}'?" if near else f"there is {listed(names) or 'none'}"
+                message = f"spec '{self._package.model.name}' has no {noun} {shown(key.text)}"
+                self._findings.add("unknown-key", message, self._subject.origin.of(key), help=help, path=section)
+            elif isinstance(value, MappingNode):
+                yield key, value
+
+    def _stories(self) -> Iterator[Story]:
+        beginning = self._node.entries.get("start")
+        first = () if beginning is None else (self._moments.read(0.0, *beginning, "start"),)
+        for key, node in entries(self._node.value("stories")):
+            moments = (*first, *self._moments_of(key.text, node))
+            if not moments:
+                continue
+            story = Story(name=key.text, place=self._subject.origin.of(key), moments=moments)
+            self._check_skills(story)
+            self._check_behaviours(story)
+            yield story
+
+    def _moments_of(self, story: str, node: YamlNode) -> Iterator[Moment]:
+        last_s, last = 0.0, ""
+        for key, value in entries(node):
+            at_s = parse_duration(key.text)
+            place, path = self._subject.origin.of(key), f"stories.{story}.{key.text}"
+            if at_s is None or not 0 <= at_s < math.inf:
+                message = f"{shown(key.text)} is no instant of a story"
+                help = duration_help(key.text) if at_s is None else "write a duration since its beginning: '12 s'"
+                self._findings.add("duration", message, place, help=help, path=path)
+                at_s = last_s
+            elif at_s < last_s or (last and at_s == last_s):
+                message = f"{shown(key.text)} does not come after {shown(last)}"
+                self._findings.add("duration", message, place, help="write moments in order, each once", path=path)
+                at_s = last_s
+            last_s, last = at_s, key.text
+            yield self._moments.read(at_s, key, value, "stories", story, key.text)
+
+    def _check_skills(self, story: Story) -> None:
+        """Report skills that act or end and have not begun, and those that begin twice."""
+        begun: set[str] = set()
+        for step in (step for moment in story.moments for step in moment.steps):
+            for name in step.names if step.verb in (Verb.BEGIN, Verb.ACT, Verb.ACTED, Verb.END) else ():
+                if (name in begun) is (step.verb is Verb.BEGIN):
+                    state, help = (
+                        ("is under way already", "end it first")
+                        if name in begun
+                        else ("is not under way", "begin it first")
+                    )
+                    self._findings.add("misplaced-key", f"skill {shown(name)} {state}", step.place, help=help)
+                if step.verb is Verb.BEGIN:
+                    begun.add(name)
+                elif step.verb is Verb.END:
+                    begun.discard(name)
+
+    def _check_behaviours(self, story: Story) -> None:
+        """Report algorithms of which it is not said what they return."""
+        said: dict[str, set[str]] = {}
+        for each in (each for moment in story.moments for each in moment.changes if isinstance(each, Behaviour)):
+            if each.returns is not None:
+                known = said.setdefault(each.algorithm, set())
+                known.update(each.returns)
+                declared = self._package.algorithms[each.algorithm].returns
+                missing = [name for name, type_ in declared.items() if not type_.optional and name not in known]
+                if missing:
+                    message = f"{each.algorithm!r} returns {listed(missing)} as well"
+                    self._findings.add("missing-key", message, each.place, help="add it under 'returns'")
+            elif each.algorithm not in said and (each.takes_s is not None or each.evidence_s is not None):
+                message = f"it is not said what {each.algorithm!r} returns, so its own function is called"
+                self._findings.add("misplaced-key", message, each.place, help="add 'returns', or only faults")

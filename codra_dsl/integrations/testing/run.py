@@ -1,0 +1,271 @@
+"""A story as it runs: in simulated time, by its own main execution or by a program."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import ExitStack
+from functools import partial
+from typing import Any, Protocol, Self
+
+from codra_dsl.integrations.testing.checks import Failure, failures_of, rendered
+from codra_dsl.integrations.testing.handles import alter, made
+from codra_dsl.integrations.testing.package import Package
+from codra_dsl.integrations.testing.script import Script, Speakers
+from codra_dsl.integrations.testing.timeline import (
+    Alteration,
+    Asked,
+    Behaviour,
+    Moment,
+    Saying,
+    Step,
+    Story,
+    Timeline,
+    Verb,
+)
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.runtime import ContextManager, EventLog, SimClock
+
+__all__ = ["OpenStory", "Run", "StoryFailed"]
+
+
+class StoryFailed(AssertionError):  # noqa: N818 - it is what a test says when it fails
+    """Something in a story is not so; the message shows what was meant, what is, and why."""
+
+
+class OpenStory(Protocol):
+    """What the fixture `codra_story` gives."""
+
+    def __call__(self, path: str, story: str | None = None, *, resources: Mapping[str, object] | None = None) -> Run:
+        """Return a story, ready to run.
+
+        Args:
+            path: of a timeline, from the folder of the test.
+            story: its name; may be left out where the timeline has one only.
+            resources: handles, in place of those that the timeline makes.
+        """
+        ...
+
+
+class Run:
+    """A story that a program runs in: `with codra_story("carry.yaml") as run: program(run.codra, run.clock)`.
+
+    At the end of the `with` statement time goes on to the last moment, and everything that must be so is looked at.
+
+    Attributes:
+        codra: the context manager.
+        clock: on which the story runs.
+        resources: the handles, by resource.
+        record: what happened.
+    """
+
+    codra: ContextManager[Any, Any]
+    record: EventLog
+
+    def __init__(
+        self, timeline: Timeline, package: Package, story: Story, *, clock: SimClock, resources: Mapping[str, object]
+    ) -> None:
+        """Prepare a story; nothing runs yet."""
+        self.clock = clock
+        self.resources = dict(resources)
+        self._timeline = timeline
+        self._package = package
+        self._story = story
+        self._script = Script(story.scripted, self.resources)
+        self._begun_s = math.nan
+        self._played_s: dict[int, float] = {}
+        self._skills: dict[str, _Skill] = {}
+
+    def __enter__(self) -> Self:
+        self._make_handles()
+        self.start(clock=self.clock, resources=self.resources)
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        __tracebackhide__ = True
+        with self.codra:
+            if kind is None:
+                self.until(self._story.end_s)
+                self.check()
+
+    def start(
+        self,
+        *,
+        clock: SimClock,
+        resources: Mapping[str, object],
+        seed: int | None = None,
+        record: EventLog | None = None,
+    ) -> ContextManager[Any, Any]:
+        """Start the observers in the story's world: what a program calls in place of the generated `start`.
+
+        Args:
+            clock: the story begins now, on this clock.
+            resources: handles by name, for perception functions that the timeline does not speak for.
+            seed: of chance; the timeline's, if None.
+            record: takes what happens; by default one of its own, without limit.
+
+        Raises:
+            TypeError: if the clock is none of simulated time.
+            ValueError: if the timeline tells what the main execution does after the beginning, which is the program's.
+            CallError: as the generated `start` does.
+        """
+        if not isinstance(clock, SimClock):
+            raise TypeError("a story runs in simulated time: give it a SimClock")
+        later = next((each for each in self._story.moments if each.at_s > 0 and each.steps), None)
+        if later is not None:
+            span = later.steps[0].place.span
+            raise ValueError(
+                f"{span.file}:{span.line}: a program is the main execution here: after 0 s it does nothing else"
+            )
+        codra = self._begin(clock, resources, self._timeline.seed if seed is None else seed, record)
+        for moment in self._story.moments:
+            for step in moment.steps:
+                self._do(step)
+        return codra
+
+    def until(self, instant_s: float) -> None:
+        """Let time pass until an instant of the story, counted from its beginning."""
+        end_s = self._begun_s + instant_s
+        while self.clock.now_s() < end_s:
+            self.clock.sleep(end_s - self.clock.now_s())
+        self.clock.sleep(0.0)
+
+    def check(self) -> None:
+        """Look at everything that must be so.
+
+        Raises:
+            StoryFailed: if something is not.
+        """
+        __tracebackhide__ = True
+        failures: list[Failure] = []
+        for index, moment in enumerate(self._story.moments):
+            at_s = self._played_s.get(index, self._begun_s + moment.at_s)
+            failures += failures_of(moment, at_s, self.clock.now_s(), self.codra, self.record)
+        failures += [_unsaid(self._story.place, name, at_s) for name, at_s in self._script.unsaid.items()]
+        if failures:
+            raise StoryFailed(rendered(failures, self._timeline.source))
+
+    def play(self) -> None:
+        """Run the story with the main execution that it tells, and look at everything that must be so.
+
+        Raises:
+            StoryFailed: if something is not, or cannot be done.
+        """
+        __tracebackhide__ = True
+        self._make_handles()
+        with ExitStack() as open_:
+            open_.enter_context(self._begin(self.clock, self.resources, self._timeline.seed, None))
+            for index, moment in enumerate(self._story.moments):
+                self.until(moment.at_s)
+                for step in moment.steps:
+                    self._do(step)
+                self._played_s[index] = self.clock.now_s()
+            self.clock.sleep(0.0)
+            self.check()
+
+    # Within
+
+    def _begin(
+        self, clock: SimClock, resources: Mapping[str, object], seed: int, record: EventLog | None
+    ) -> ContextManager[Any, Any]:
+        if not math.isnan(self._begun_s):
+            raise RuntimeError("this story has been started: open it again")
+        self.clock, self.resources, self._begun_s = clock, dict(resources), clock.now_s()
+        self._script = Script(self._story.scripted, self.resources)
+        self.record = EventLog(math.inf) if record is None else record
+        self.codra = self._package.build(
+            self._package.model,
+            clock=clock,
+            resources={**dict.fromkeys(self._package.handles), **resources},
+            seed=seed,
+            record=self.record,
+            find=self._script.function,
+            knowledge=self._package.knowledge,
+        )
+        speakers = Speakers(self.codra, clock, self._timeline.every_s)
+        for moment in self._story.moments:
+            if moment.at_s > 0:
+                clock.call_last_at(self._begun_s + moment.at_s, partial(self._change, moment, speakers))
+            else:
+                self._change(moment, speakers)
+        return self.codra
+
+    def _make_handles(self) -> None:
+        """Make the handles that nobody gave."""
+        for resource, maker in self._timeline.makers.items():
+            if resource not in self.resources:
+                self.resources[resource] = made(maker, self.clock)
+
+    def _change(self, moment: Moment, speakers: Speakers) -> None:
+        """Let the world change."""
+        for change in moment.changes:
+            match change:
+                case Saying():
+                    speakers.say(change)
+                case Behaviour():
+                    self._script.change(change)
+                case Alteration():
+                    alter(self.resources.get(change.resource), change)
+
+    def _do(self, step: Step) -> None:
+        """Do what the main execution does."""
+        __tracebackhide__ = True
+        try:
+            if step.verb is Verb.DECIDE:
+                self._decide(step.names[0], step.asked)
+            elif step.verb is Verb.SET:
+                self.codra.set(step.names[0], step.value)
+            elif step.verb is Verb.EXPECT:
+                self.codra.expect(*step.names)
+            else:
+                for name in step.names:
+                    self._do_with(step.verb, name)
+        except Exception as error:
+            message = f"'{step.verb}' is not possible: {type(error).__name__}: {error}"
+            raise StoryFailed(rendered([Failure(step.place, message)], self._timeline.source)) from error
+
+    def _do_with(self, verb: Verb, name: str) -> None:
+        match verb:
+            case Verb.DECLARE:
+                self.codra.declare(name)
+            case Verb.WITHDRAW:
+                self.codra.withdraw(name)
+            case Verb.BEGIN:
+                self._skills[name] = _Skill(self.codra, name)
+            case Verb.ACT:
+                self._skills[name].act()
+            case Verb.ACTED:
+                self._skills[name].acting.close()
+            case _:
+                self._skills.pop(name).end()
+
+    def _decide(self, name: str, asked: Asked) -> None:
+        self.codra.decide(
+            name,
+            otherwise=lambda: asked.otherwise,
+            max_age_s=asked.max_age_s,
+            since_s=self._begun_s + asked.since_s,
+            wait_up_to_s=asked.wait_up_to_s,
+            shadow=asked.shadow,
+        )
+
+
+class _Skill:
+    """A skill under way."""
+
+    def __init__(self, codra: ContextManager[Any, Any], name: str) -> None:
+        self.acting = ExitStack()
+        self._whole = ExitStack()
+        self._skill = self._whole.enter_context(codra.skill(name))
+
+    def act(self) -> None:
+        self.acting.enter_context(self._skill.acting())
+
+    def end(self) -> None:
+        self.acting.close()
+        self._whole.close()
+
+
+def _unsaid(place: Place, algorithm: str, at_s: float) -> Failure:
+    message = f"{algorithm} looked at {at_s:g} s, and nobody says what it returns"
+    return Failure(place, message, "say it under `perception`, or make the handles that it reads under `resources`")

@@ -1,0 +1,85 @@
+"""Values in a timeline: of the type and in the unit that the compiled spec says."""
+
+from __future__ import annotations
+
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.elements.values import read_literal
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.reader import Reader
+from codra_dsl.language.model import Literal
+from codra_dsl.language.units import convert, parse_quantity, parse_unit
+from codra_dsl.runtime import NotOfTypeError
+from codra_dsl.runtime.values.model import ValueType
+
+_NUMBERS = ("int", "float")
+_WORDS = ("enum", "str")
+
+
+def read_value(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> Literal | None:
+    """Return a value of a type, in its unit; None, and a finding, where it is none."""
+    if node.reported or not isinstance(node, ScalarNode):
+        return None
+    given = _given(reader, node, type_, *steps)
+    if given is None:
+        return None
+    try:
+        return type_.convert(given)
+    except NotOfTypeError as error:
+        reader.fail("wrong-type", f"{shown(steps[-1])} has a wrong value: {error}", node, _wanted(type_), *steps)
+        return None
+
+
+def read_difference(reader: Reader, node: YamlNode, type_: ValueType, *steps: str) -> float | None:
+    """Return a distance between two numbers of a type, in its unit."""
+    found = read_value(reader, node, ValueType(kind="float", unit=type_.unit), *steps)
+    return float(found) if isinstance(found, int | float) else None
+
+
+def read_anything(reader: Reader, node: YamlNode, *steps: str) -> object:
+    """Return plain data for a handle; quantities are turned to SI."""
+    if isinstance(node, MappingNode):
+        return {key: read_anything(reader, value, *steps, key) for key, (_, value) in node.entries.items()}
+    if isinstance(node, SequenceNode):
+        return [read_anything(reader, item, *steps, str(index)) for index, item in enumerate(node.items)]
+    return None if node.data is None else read_literal(reader, node, *steps)
+
+
+def _given(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
+    """Return what is written, a quantity in the type's unit; None, and a finding, where units do not fit."""
+    if type_.kind in _WORDS and not isinstance(node.data, bool) and node.data is not None:
+        return node.text
+    unit = None if type_.unit is None else parse_unit(type_.unit)
+    if type_.kind not in _NUMBERS:
+        return _written(reader, node, type_, *steps)
+    quantity = parse_quantity(node.text) if node.style is Style.PLAIN and isinstance(node.data, str) else None
+    if quantity is not None:
+        if unit is not None and quantity.unit.dimension == unit.dimension:
+            return convert(quantity.value, quantity.unit, unit)
+        said = f"is in {type_.unit}" if unit is not None else "has no unit"
+        message = f"{shown(steps[-1])} {said}, not in {quantity.unit}"
+        reader.fail("unit", message, node, _wanted(type_), *steps)
+        return None
+    if unit is not None and isinstance(node.data, int | float) and not isinstance(node.data, bool) and node.data != 0:
+        message = f"{shown(steps[-1])} is in {type_.unit}, and {shown(node.text)} has no unit"
+        reader.fail("unit", message, node, f"write '{node.text} {type_.unit}', or another unit", *steps)
+        return None
+    return _written(reader, node, type_, *steps)
+
+
+def _written(reader: Reader, node: ScalarNode, type_: ValueType, *steps: str) -> object:
+    if node.data is None:
+        reader.fail("wrong-type", f"{shown(steps[-1])} has no value", node, _wanted(type_), *steps)
+    return node.data
+
+
+def _wanted(type_: ValueType) -> str:
+    if type_.kind == "bool":
+        return "write true or false"
+    if type_.members:
+        return f"write one of {', '.join(type_.members)}"
+    if type_.kind == "str":
+        return "write a text"
+    what = "a whole number" if type_.kind == "int" else "a number"
+    unit = f" in {type_.unit}, or another unit of its kind" if type_.unit else ""
+    bounds = "" if type_.range is None else f", from {type_.range[0]:g} to {type_.range[1]:g}"
+    return f"write {what}{unit}{bounds}"

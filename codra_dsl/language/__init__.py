@@ -1,0 +1,1 @@
+"""The language: from the text of a specification to a `CheckedSpec`."""

@@ -1,0 +1,154 @@
+"""The built-in nodes with their ports, and the nodes of BehaviorTree.CPP that are refused, each with help."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.language.behavior_trees.values import NodeKind
+
+
+class Holds(StrEnum):
+    """The content of a port of a built-in node."""
+
+    TEXT = "a text"
+    INTEGER = "a whole number"
+    MILLISECONDS = "a whole number of milliseconds, at least 0"
+    TRUTH = "true or false"
+    RESULT = "SUCCESS, FAILURE, SKIPPED or RUNNING"
+    ENTRY = "the name of an entry"
+    KEY = "the name of an entry, without braces"
+    OUTPUT = "an entry, {name}"
+    CONDITION = "a condition"
+    SCRIPT = "a script"
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltInPort:
+    """A port of a built-in node.
+
+    Attributes:
+        default: its value if it is not given; None if it must be given.
+    """
+
+    name: str
+    holds: Holds
+    default: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltIn:
+    """A built-in node.
+
+    Attributes:
+        least: the minimum number of children.
+        most: the maximum number of children; None for any.
+        word: the name of its class or function in `codra_dsl.runtime.behavior_trees`.
+    """
+
+    kind: NodeKind
+    word: str
+    least: int = 0
+    most: int | None = 0
+    ports: tuple[BuiltInPort, ...] = ()
+
+
+def _control(word: str, *ports: BuiltInPort, least: int = 1, most: int | None = None) -> BuiltIn:
+    return BuiltIn(NodeKind.CONTROL, word, least, most, ports)
+
+
+def _decorator(word: str, *ports: BuiltInPort) -> BuiltIn:
+    return BuiltIn(NodeKind.DECORATOR, word, 1, 1, ports)
+
+
+def _leaf(word: str, *ports: BuiltInPort, kind: NodeKind = NodeKind.ACTION) -> BuiltIn:
+    return BuiltIn(kind, word, 0, 0, ports)
+
+
+def _switch(cases: int) -> BuiltIn:
+    names = ("variable", *(f"case_{number}" for number in range(1, cases + 1)))
+    return _control("Switch", *(BuiltInPort(name, Holds.TEXT) for name in names), least=cases + 1, most=cases + 1)
+
+
+def _loop(word: str) -> BuiltIn:
+    ports = (("queue", Holds.TEXT, None), ("value", Holds.OUTPUT, ""), ("if_empty", Holds.RESULT, "SUCCESS"))
+    return _decorator(word, *(BuiltInPort(*port) for port in ports))
+
+
+_ENTRY = BuiltInPort("entry", Holds.ENTRY)
+_CODE = BuiltInPort("code", Holds.SCRIPT)
+
+BUILT_IN: Mapping[str, BuiltIn] = {
+    "Sequence": _control("sequence"),
+    "AsyncSequence": _control("async_sequence"),
+    "SequenceWithMemory": _control("sequence_with_memory"),
+    "ReactiveSequence": _control("reactive_sequence"),
+    "Fallback": _control("fallback"),
+    "AsyncFallback": _control("async_fallback"),
+    "ReactiveFallback": _control("reactive_fallback"),
+    "Parallel": _control(
+        "Parallel",
+        BuiltInPort("success_count", Holds.INTEGER, "-1"),
+        BuiltInPort("failure_count", Holds.INTEGER, "1"),
+    ),
+    "ParallelAll": _control("ParallelAll", BuiltInPort("max_failures", Holds.INTEGER, "1")),
+    "IfThenElse": _control("IfThenElse", least=2, most=3),
+    "WhileDoElse": _control("WhileDoElse", least=2, most=3),
+    **{f"Switch{cases}": _switch(cases) for cases in range(2, 7)},
+    "Inverter": _decorator("inverter"),
+    "ForceSuccess": _decorator("force_success"),
+    "ForceFailure": _decorator("force_failure"),
+    "KeepRunningUntilFailure": _decorator("keep_running_until_failure"),
+    "Repeat": _decorator("repeat", BuiltInPort("num_cycles", Holds.INTEGER)),
+    "RetryUntilSuccessful": _decorator("retry_until_successful", BuiltInPort("num_attempts", Holds.INTEGER)),
+    "Delay": _decorator("Delay", BuiltInPort("delay_msec", Holds.MILLISECONDS)),
+    "Timeout": _decorator("Timeout", BuiltInPort("msec", Holds.MILLISECONDS)),
+    "RunOnce": _decorator("RunOnce", BuiltInPort("then_skip", Holds.TRUTH, "true")),
+    "Precondition": _decorator(
+        "Precondition", BuiltInPort("if", Holds.CONDITION), BuiltInPort("else", Holds.RESULT, "FAILURE")
+    ),
+    "SkipUnlessUpdated": _decorator("skip_unless_updated", _ENTRY),
+    "WaitValueUpdate": _decorator("wait_value_update", _ENTRY),
+    "LoopInt": _loop("loop_int"),
+    "LoopDouble": _loop("loop_double"),
+    "LoopString": _loop("loop_string"),
+    "LoopBool": _loop("loop_bool"),
+    "SubTree": BuiltIn(NodeKind.SUBTREE, "Subtree"),
+    "AlwaysSuccess": _leaf("always_success"),
+    "AlwaysFailure": _leaf("always_failure"),
+    "Sleep": _leaf("Sleep", BuiltInPort("msec", Holds.MILLISECONDS)),
+    "Script": _leaf("script", _CODE),
+    "ScriptCondition": _leaf("script_condition", BuiltInPort("code", Holds.CONDITION), kind=NodeKind.CONDITION),
+    "SetBlackboard": _leaf("set_blackboard", BuiltInPort("value", Holds.TEXT), BuiltInPort("output_key", Holds.KEY)),
+    "UnsetBlackboard": _leaf("unset_blackboard", BuiltInPort("key", Holds.KEY)),
+    "WasEntryUpdated": _leaf("WasEntryUpdated", _ENTRY),
+}
+
+REFUSED: Mapping[str, str] = {
+    "ManualSelector": "it asks a person at a terminal: use Switch2 to Switch6 with an entry that a page writes",
+    "TestNode": "it replaces nodes in tests: give the robot another action of the same name there",
+    "LoopNode": "write LoopInt, LoopDouble, LoopString or LoopBool",
+    "ConsumeQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",
+    "PopFromQueue": "write LoopInt, LoopDouble, LoopString or LoopBool",
+    "QueueSize": "keep the number of items in an entry of its own",
+    "EntryUpdated": "write WasEntryUpdated, SkipUnlessUpdated or WaitValueUpdate",
+    "TryCatch": "write Fallback, and the script to run on halt as _onHalted",
+    "AlwaysRunning": "write Sleep with a long time",
+    "SequenceStar": "write SequenceWithMemory",
+    "FallbackStar": "write Fallback",
+    "RetryUntilSuccesful": "write RetryUntilSuccessful",
+    "SubTreePlus": "write SubTree",
+    **{f"BlackboardCheck{type_}": "write Precondition with a script" for type_ in ("Int", "Double", "String", "Bool")},
+}
+
+BEFORE = {"_failureIf": "failure_if", "_successIf": "success_if", "_skipIf": "skip_if", "_while": "while_true"}
+"""The conditions before a tick, in the order of their evaluation, and their names in Python."""
+
+AFTER = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_post": "post", "_onHalted": "on_halted"}
+"""The scripts after a tick, and their names in Python."""
+
+AUTOREMAP = "_autoremap"
+
+OF_EDITORS = frozenset({"_uid", "_fullpath", "_description"})
+"""Attributes that editors write, without any effect."""

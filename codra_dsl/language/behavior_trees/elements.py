@@ -1,0 +1,233 @@
+"""XML text -> elements with places. Reading stops at the first XML error, and entities are never expanded.
+
+A document type is refused before it is read, so that a file cannot declare entities.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from codra_dsl.language.behavior_trees.rules import TreeFindings
+from codra_dsl.language.behavior_trees.values import Attribute
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.load.yaml.source import Source
+
+MAX_BYTES = 1024 * 1024
+MAX_DEPTH = 50
+"""The maximum nesting depth of elements."""
+
+MAX_ELEMENTS = 10_000
+MAX_ATTRIBUTES = 64
+MAX_VALUE = 4000
+
+WITH_TEXT = frozenset({"input_port", "output_port", "inout_port"})
+"""Elements whose text is kept: it describes a port."""
+
+_ATTRIBUTE = re.compile(r"""\s([^\s=/>"']+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+
+
+@dataclass(slots=True, kw_only=True)
+class Element:
+    """An element as written.
+
+    Attributes:
+        comments: the comments before it.
+        last_comments: the comments after its last child.
+        text: its text, if that has a meaning (`WITH_TEXT`).
+    """
+
+    tag: str
+    attributes: tuple[Attribute, ...]
+    place: Place
+    comments: tuple[str, ...] = ()
+    children: list[Element] = field(default_factory=list)
+    last_comments: tuple[str, ...] = ()
+    text: str = ""
+
+    def get(self, name: str) -> Attribute | None:
+        """Return an attribute by its name."""
+        return next((attribute for attribute in self.attributes if attribute.name == name), None)
+
+
+class _RefusedError(Exception):
+    """Stops the reading of a file; the finding has been added."""
+
+
+def elements(source: Source, findings: TreeFindings) -> Element | None:
+    """Return the root of a text, or None if it is not accepted XML."""
+    data = source.text.encode("utf-8")
+    if len(data) > MAX_BYTES:
+        findings.add(
+            "tree-file-too-large",
+            f"'{source.file}' has more than {MAX_BYTES // 1024 // 1024} MiB",
+            source.place(0, 0),
+            help="split it, and include the parts",
+        )
+        return None
+    reader = _Reader(source, data, findings)
+    try:
+        reader.read()
+    except _RefusedError:
+        return None
+    except expat.ExpatError as error:
+        offset = source.line_starts[min(error.lineno, len(source.line_starts)) - 1] + error.offset
+        reason = expat.ErrorString(error.code)
+        findings.add(
+            "xml-syntax",
+            f"invalid XML: {reason}",
+            source.place(min(offset, len(source.text)), min(offset + 1, len(source.text))),
+            help=_HELP.get(error.code, "correct it; an XML editor shows matching tags"),
+        )
+        return None
+    return reader.root
+
+
+_HELP = {
+    expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]: "close the element that was opened last",
+    expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS]: 'begin with <root BTCPP_format="4">',
+    expat.errors.codes[expat.errors.XML_ERROR_DUPLICATE_ATTRIBUTE]: "remove one of the two",
+    expat.errors.codes[expat.errors.XML_ERROR_UNDEFINED_ENTITY]: "write &amp; for '&'; entities cannot be declared",
+    expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]: "write &lt; for '<' and &amp; for '&' within values",
+}
+
+
+class _Reader:
+    """Builds elements from the events of expat."""
+
+    def __init__(self, source: Source, data: bytes, findings: TreeFindings) -> None:
+        self.root: Element | None = None
+        self._source = source
+        self._data = data
+        self._findings = findings
+        self._open: list[Element] = []
+        self._comments: list[str] = []
+        self._count = 0
+        self._known = (0, 0)
+        self._parser = expat.ParserCreate("utf-8")
+
+    def read(self) -> None:
+        """Read the complete text."""
+        parser = self._parser
+        parser.ordered_attributes = True
+        parser.buffer_text = True
+        handlers: dict[str, Callable[..., object]] = {
+            "StartElementHandler": self._start,
+            "EndElementHandler": self._end,
+            "CommentHandler": lambda text: self._comments.append(text.strip()),
+            "CharacterDataHandler": self._text,
+            "ProcessingInstructionHandler": self._instruction,
+            "StartDoctypeDeclHandler": self._doctype,
+            "XmlDeclHandler": self._declaration,
+        }
+        for name, handler in handlers.items():
+            setattr(parser, name, handler)
+        parser.Parse(self._data, True)
+        if self.root is not None:
+            self.root.last_comments += tuple(self._comments)
+
+    def _offset(self) -> int:
+        """Return the position of expat, in code points; it only increases."""
+        byte, offset = self._known
+        now = self._parser.CurrentByteIndex
+        if now < byte:
+            byte = offset = 0
+        offset += len(self._data[byte:now].decode("utf-8", "replace"))
+        self._known = now, offset
+        return offset
+
+    def _start(self, tag: str, pairs: list[str]) -> None:
+        start = self._offset()
+        self._count += 1
+        place = self._source.place(start, start + 1 + len(tag))
+        self._limit(len(self._open) < MAX_DEPTH, "tree-too-deep", f"more than {MAX_DEPTH} elements deep", place)
+        self._limit(self._count <= MAX_ELEMENTS, "too-many-tree-nodes", f"more than {MAX_ELEMENTS:,} elements", place)
+        self._limit(len(pairs) <= 2 * MAX_ATTRIBUTES, "too-many-tree-nodes", f"over {MAX_ATTRIBUTES} attributes", place)
+        element = Element(tag=tag, attributes=self._attributes(start, tag, pairs), place=place)
+        element.comments, self._comments = tuple(self._comments), []
+        if self._open:
+            self._open[-1].children.append(element)
+        else:
+            self.root = element
+        self._open.append(element)
+
+    def _attributes(self, start: int, tag: str, pairs: list[str]) -> tuple[Attribute, ...]:
+        """Return attributes with their places. Expat has accepted the tag, so a pattern is enough to locate them."""
+        attributes: list[Attribute] = []
+        position = start + 1 + len(tag)
+        for name, value in zip(pairs[::2], pairs[1::2], strict=True):
+            match = _ATTRIBUTE.match(self._source.text, position) or _ATTRIBUTE.search(self._source.text, position)
+            if match is None:
+                raise AssertionError(f"expat read an attribute {name!r} that is not in the text")
+            group = 2 if match[2] is not None else 3
+            attribute = Attribute(
+                name=name,
+                value=value,
+                place=self._source.place(match.start(1), match.end()),
+                value_place=self._source.place(match.start(group), match.end(group)),
+                is_literal=match[group] == value,
+            )
+            self._limit(
+                len(value) <= MAX_VALUE,
+                "tree-file-too-large",
+                f"a value of over {MAX_VALUE:,} characters",
+                attribute.place,
+            )
+            attributes.append(attribute)
+            position = match.end()
+        return tuple(attributes)
+
+    def _limit(self, holds: bool, rule: str, excess: str, place: Place) -> None:
+        if not holds:
+            self._findings.add(rule, f"{excess}: too large for a tree", place, help="split it into subtrees")
+            raise _RefusedError
+
+    def _end(self, _: str) -> None:
+        element = self._open.pop()
+        element.last_comments, self._comments = tuple(self._comments), []
+
+    def _text(self, text: str) -> None:
+        if self._open and self._open[-1].tag in WITH_TEXT:
+            element = self._open[-1]
+            element.text += text
+            self._limit(
+                len(element.text) <= MAX_VALUE,
+                "tree-file-too-large",
+                f"a text of over {MAX_VALUE:,} characters",
+                element.place,
+            )
+        elif text.strip():
+            start = self._offset()
+            self._findings.add(
+                "xml-not-kept",
+                f"the text {text.strip()[:40]!r} has no meaning in a tree",
+                self._source.place(start, start + 1),
+                help="remove it, or make it a comment: <!-- ... -->",
+            )
+
+    def _instruction(self, target: str, _: str) -> None:
+        start = self._offset()
+        place = self._source.place(start, start + 2 + len(target))
+        self._findings.add("xml-not-kept", f"<?{target} ...?> has no meaning in a tree", place, help="remove it")
+
+    def _doctype(self, *_: object) -> None:
+        start = self._offset()
+        self._findings.add(
+            "xml-doctype",
+            "document types are refused: they could declare entities that grow without bound",
+            self._source.place(start, start + len("<!DOCTYPE")),
+            help="remove <!DOCTYPE ...>",
+        )
+        raise _RefusedError
+
+    def _declaration(self, _: str, encoding: str | None, __: int) -> None:
+        if encoding is not None and encoding.lower() not in ("utf-8", "utf8", "us-ascii"):
+            self._findings.add(
+                "xml-encoding",
+                f"the file declares the encoding {encoding}, but it is read as UTF-8",
+                self._source.place(0, len("<?xml")),
+                help='save it as UTF-8 and write encoding="UTF-8"',
+            )
+            raise _RefusedError

@@ -1,0 +1,65 @@
+"""Read and check the trees that a spec names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+
+from codra_dsl.language.behavior_trees.checks import check
+from codra_dsl.language.behavior_trees.reader import read
+from codra_dsl.language.behavior_trees.rules import TreeFindings
+from codra_dsl.language.behavior_trees.values import CheckedForest
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.model import Spec
+
+Read = tuple[CheckedForest | None, tuple[Diagnostic, ...]]
+"""The trees of a file, None if an error prevents their compilation, and the findings about it."""
+
+
+UNREAD: Read = (None, ())
+"""The result for a tree whose file has not been read."""
+
+
+def read_trees(spec: Spec, root: Path) -> Mapping[str, Read]:
+    """Return the result of reading each tree of a spec, by name; each file is read once.
+
+    Args:
+        spec: the loaded spec.
+        root: of the project: findings name files relative to it, and files outside of it are not read.
+    """
+    by_file: dict[Path, Read] = {}
+    results: dict[str, Read] = {}
+    for tree in spec.trees:
+        holder = root / tree.file.place.span.file
+        path = Path(os.path.normpath(holder.parent / tree.file.name)) if tree.file.name else root
+        inside = Path(os.path.realpath(path)).is_relative_to(os.path.realpath(root))
+        if not tree.file.name or not inside or not os.path.isfile(path):  # noqa: PTH113 - it never raises
+            findings = TreeFindings()
+            message = (
+                f"there is no file '{tree.file.name}'" if inside else f"'{tree.file.name}' is outside of the project"
+            )
+            help_text = "name a file of the project, by a path relative to this one"
+            findings.add("tree-include", message, tree.file.place, help=help_text, path=f"trees.{tree.name}.file")
+            results[tree.name] = None, findings.all() if tree.file.name else ()
+        elif path in by_file:
+            results[tree.name] = by_file[path][0], ()
+        else:
+            results[tree.name] = by_file[path] = _read(path, root)
+    return results
+
+
+def files_read(spec: Spec, trees: Mapping[str, Read]) -> Iterator[str]:
+    """Yield the files of the trees of a spec, including those that do not exist."""
+    for tree in spec.trees:
+        forest, _ = trees.get(tree.name, UNREAD)
+        path = os.path.normpath(PurePosixPath(tree.file.place.span.file).parent / tree.file.name)
+        yield from [file.file for file in forest.forest.files] if forest is not None else []
+        if not path.startswith("..") and not PurePosixPath(path).is_absolute():
+            yield path
+
+
+def _read(path: Path, root: Path) -> Read:
+    forest, findings = read(path, root)
+    checked, problems = check(forest) if forest is not None else (None, ())
+    return checked, (*findings, *problems)

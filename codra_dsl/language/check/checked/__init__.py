@@ -1,0 +1,1 @@
+"""The values that only `check` makes: a specification without errors."""

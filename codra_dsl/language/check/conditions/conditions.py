@@ -1,0 +1,218 @@
+"""Every condition of a spec: its place, the names that it may read, its type, and its Python text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from codra_dsl.language.check.conditions.lowering import lower
+from codra_dsl.language.check.conditions.types import Problem, Type, Typed, Types, fit, infer, infer_condition
+from codra_dsl.language.expression import Call, Name, Node, Path, walk
+from codra_dsl.language.model import (
+    Adaptation,
+    Agent,
+    Algorithm,
+    Condition,
+    Hysteresis,
+    Identification,
+    Kind,
+    Members,
+    Parameter,
+    Skill,
+    Spec,
+)
+
+
+class Role(StrEnum):
+    """The purpose of a condition, spelled as its key in the spec."""
+
+    OBSERVABLE_WHEN = "observable_when"
+    ACCEPT_WHEN = "accept_when"
+    IDENTIFIES = "identifies"
+    MONITOR = "monitor"
+    WAKES = "wakes"
+    BEFORE = "before"
+    DURING = "during"
+    AFTER = "after"
+    VALUE = "value"
+    ALWAYS = "always"
+
+
+OVER_KNOWLEDGE = frozenset({Role.WAKES, Role.BEFORE, Role.DURING, Role.AFTER})
+"""Conditions in patterns: they read context and all other knowledge."""
+
+OF_LOOPS = frozenset({Role.VALUE, Role.ALWAYS})
+"""Conditions of adaptations."""
+
+OVER_CONTEXT = frozenset({Role.OBSERVABLE_WHEN, *OVER_KNOWLEDGE, *OF_LOOPS})
+"""Conditions that read context."""
+
+
+class Result(StrEnum):
+    """The kind of result of a condition: true or false, or the value of a context-variable."""
+
+    TRUTH = "truth"
+    VALUE = "value"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Site:
+    """A condition and its position in the spec.
+
+    Attributes:
+        owner: the section and the name of the element that it belongs to.
+        names: every mention of a name in it.
+        values: the names whose value it reads: all but those that occur in `known(x)` or `age(x)`.
+        variable: the context-variable that gets its value or is expected to fulfil it.
+        rule: the rule of an agent that contains it.
+    """
+
+    role: Role
+    owner: tuple[str, str]
+    condition: Condition
+    names: tuple[Name, ...]
+    values: tuple[Name, ...]
+    variable: str | None = None
+    result: Result = Result.TRUTH
+    rule: str = ""
+
+    @property
+    def path(self) -> str:
+        """Return the path of its key."""
+        within = ("rules", self.rule) if self.rule else ()
+        return ".".join((*self.owner, *within, self.role))
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A condition's types, and the problems in it."""
+
+    site: Site
+    typed: Typed
+    problems: tuple[Problem, ...]
+
+    def python(self, wanted: Type | None) -> str:
+        """Return the condition as Python text, a number in the unit of the variable that gets it."""
+        return lower(self.typed, wanted.unit) if wanted is not None and wanted.numeric else lower(self.typed)
+
+
+def sites(spec: Spec) -> Iterator[Site]:
+    """Yield every condition of a spec that could be read."""
+    surveyor = _Surveyor()
+    by_element = (
+        *map(surveyor.of_algorithm, spec.perception),
+        *map(surveyor.of_skill, spec.skills),
+        *map(surveyor.of_agent, spec.agents),
+        *map(surveyor.of_adaptation, spec.adaptation),
+    )
+    return (site for sites in by_element for site in sites if site is not None)
+
+
+class _Surveyor:
+    """Finds the conditions of elements. Conditions with the same text share one tree, which is walked once."""
+
+    def __init__(self) -> None:
+        self._mentions: dict[int, tuple[tuple[Name, ...], tuple[Name, ...]]] = {}
+
+    def of_algorithm(self, algorithm: Algorithm) -> list[Site | None]:
+        """Return the conditions of an algorithm."""
+        owner = ("perception", algorithm.name)
+        result_sites = [self._site(Role.OBSERVABLE_WHEN, owner, condition) for condition in algorithm.observable_when]
+        result_sites += [self._site(Role.ACCEPT_WHEN, owner, condition) for condition in algorithm.accept_when]
+        for entry in algorithm.identifies:
+            result = Result.VALUE if isinstance(entry.by, Condition) else Result.TRUTH
+            name = entry.variable.name
+            result_sites += [
+                self._site(Role.IDENTIFIES, owner, condition, name, result) for condition in parts_of(entry)
+            ]
+        return result_sites
+
+    def of_skill(self, skill: Skill) -> list[Site | None]:
+        """Return the conditions of a skill."""
+        return [
+            self._site(Role.MONITOR, ("skills", skill.name), expectation.condition, expectation.variable.name)
+            for expectation in skill.monitor
+            if expectation.condition is not None
+        ]
+
+    def of_agent(self, agent: Agent) -> list[Site | None]:
+        """Return the conditions among an agent's patterns."""
+        owner, conduct = ("agents", agent.name), agent.conduct
+        pattern_sites = [self._pattern(Role.WAKES, owner, pattern) for pattern in conduct.wakes]
+        for rule in conduct.rules:
+            for role, patterns in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
+                pattern_sites += [self._pattern(role, owner, pattern, rule.name) for pattern in patterns]
+        return pattern_sites
+
+    def of_adaptation(self, adaptation: Adaptation) -> list[Site | None]:
+        """Return the value that an adaptation sets a variable to, or the conditions of its hard rules."""
+        owner, does = ("adaptation", adaptation.name), adaptation.does
+        if isinstance(does, Parameter):
+            return [self._site(Role.VALUE, owner, does.value, does.variable.name, Result.VALUE)]
+        return [self._site(Role.ALWAYS, owner, rule.condition) for rule in does.always]
+
+    def _pattern(self, role: Role, owner: tuple[str, str], pattern: Condition, rule: str = "") -> Site | None:
+        site = None if isinstance(pattern.tree, Path) else self._site(role, owner, pattern)
+        return None if site is None else replace(site, rule=rule)
+
+    def _site(
+        self,
+        role: Role,
+        owner: tuple[str, str],
+        condition: Condition,
+        variable: str | None = None,
+        result: Result = Result.TRUTH,
+    ) -> Site | None:
+        """Return a condition with its position, or None if it could not be read."""
+        tree = condition.tree
+        if tree is None:
+            return None
+        mentions = self._mentions.get(id(tree))
+        if mentions is None:
+            mentions = self._mentions[id(tree)] = _mentions(tree)
+        names, values = mentions
+        return Site(
+            role=role, owner=owner, condition=condition, names=names, values=values, variable=variable, result=result
+        )
+
+
+def _mentions(tree: Node) -> tuple[tuple[Name, ...], tuple[Name, ...]]:
+    """Return all mentions of names, and those that read a value."""
+    if isinstance(tree, Name):  # as in most preconditions
+        return (tree,), (tree,)
+    parts = tuple(walk(tree))
+    calls = (part for part in parts if isinstance(part, Call) and part.function in ("known", "age"))
+    in_calls = {id(call.arguments[0]) for call in calls}
+    names = tuple(part for part in parts if isinstance(part, Name))
+    return names, tuple(name for name in names if id(name) not in in_calls) if in_calls else names
+
+
+def parts_of(entry: Identification) -> tuple[Condition, ...]:
+    """Return the conditions that define the value of a variable."""
+    if isinstance(entry.by, Members):
+        return tuple(condition for _, condition in entry.by.cases)
+    if isinstance(entry.by, Hysteresis):
+        return (entry.by.enter,) if entry.by.leave is None else (entry.by.enter, entry.by.leave)
+    return (entry.by,)
+
+
+def judge(site: Site, tree: Node, seen: Types, wanted: Type | None) -> Judgement:
+    """Return the types of a condition, and the problems in it.
+
+    Args:
+        site: the condition.
+        tree: its syntax tree.
+        seen: the types of the names that it can read.
+        wanted: the type of the context-variable that gets its value, if one does.
+    """
+    if isinstance(tree, Name) and site.result is Result.TRUTH:  # as most preconditions are
+        declared = seen.get(tree.name)
+        if declared is None or declared.kind is Kind.BOOL:
+            return Judgement(site, Typed(tree, declared), ())
+    known = site.role in OVER_CONTEXT
+    if site.result is Result.TRUTH:
+        return Judgement(site, *infer_condition(tree, seen, known=known))
+    typed, problems = infer(tree, seen, known=known)
+    misfits = () if problems or wanted is None else tuple(fit(typed, wanted, site.variable or ""))
+    return Judgement(site, typed, problems + misfits)

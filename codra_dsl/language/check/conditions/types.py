@@ -1,0 +1,465 @@
+"""Type inference for conditions: the type of each part, or the reason why it has none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any
+
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    Comparison,
+    In,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+    to_text,
+)
+from codra_dsl.language.model import FOREVER_S, Kind, ValueType
+from codra_dsl.language.units import ONE, UNITS, Unit, parse_unit
+
+NUMERIC = frozenset({Kind.INT, Kind.FLOAT})
+_MAX_EXPONENT = 9
+_MAX_FACTOR = Fraction(10) ** 60
+_NO_OTHERS = ("==", "!=")
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """The type of an expression.
+
+    Attributes:
+        unit: of a number: its unit unless another one is requested.
+        values: the members of an enum.
+        fixed: consists of literals only: such a text fits an enum that has it as a member.
+        zero: the literal 0, which needs no unit.
+        range: of a name: both ends inclusive, in `unit`; None if it is not stated.
+        valid_for_s: of a context-variable: the maximum age of its evidence while it is known.
+    """
+
+    kind: Kind
+    unit: Unit = ONE
+    values: tuple[str, ...] = ()
+    fixed: bool = False
+    zero: bool = False
+    range: tuple[float, float] | None = field(default=None, compare=False)
+    valid_for_s: float = field(default=FOREVER_S, compare=False)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether it is a number."""
+        return self.kind in NUMERIC
+
+    def __str__(self) -> str:
+        """Return the type as text for messages, e.g. `a float in m`."""
+        noun = f"an {self.kind}" if self.kind in (Kind.INT, Kind.ENUM) else f"a {self.kind}"
+        return noun if self.unit == ONE else f"{noun} in {self.unit}"
+
+
+Types = Mapping[str, Type | None]
+"""The type of each readable name; None if its declaration is wrong, which has been reported."""
+
+BOOL = Type(Kind.BOOL)
+_SECONDS = Type(Kind.FLOAT, UNITS["s"])
+
+
+@dataclass(frozen=True, slots=True)
+class Typed:
+    """A part of a condition with its type and its own parts; None as type if a problem inside has been reported."""
+
+    node: Node
+    type: Type | None
+    parts: tuple[Typed, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A type error in a part of a condition; `rule` names a rule of `check`.
+
+    Attributes:
+        suggestion: for a quoted text that is not a member: the most similar of the `candidates`.
+    """
+
+    rule: str
+    node: Node
+    message: str
+    help: str
+    suggestion: str | None = None
+    candidates: tuple[str, ...] = ()
+
+
+def declared_type(declared: ValueType, valid_for_s: float = FOREVER_S) -> Type | None:
+    """Return the declared type, or None if the declaration is invalid; equal declarations have the same object."""
+    # as two arguments, since the cache must distinguish ranges with 0 and with 0.0
+    low, high = declared.range if declared.range is not None else (None, None)
+    return _declared_type(
+        kind=declared.kind, unit_text=declared.unit, low=low, high=high, values=declared.values, valid_for_s=valid_for_s
+    )
+
+
+@lru_cache(maxsize=4096, typed=True)
+def _declared_type(
+    *,
+    kind: Kind,
+    unit_text: str | None,
+    low: float | None,
+    high: float | None,
+    values: tuple[str, ...],
+    valid_for_s: float,
+) -> Type | None:
+    unit = ONE if unit_text is None else parse_unit(unit_text)
+    if unit is None or (kind is Kind.ENUM and not values):
+        return None
+    if kind not in NUMERIC:
+        return Type(kind, values=values if kind is Kind.ENUM else (), valid_for_s=valid_for_s)
+    bounds = None if low is None or high is None else (low, high)
+    return Type(kind, unit, range=bounds, valid_for_s=valid_for_s)
+
+
+def infer(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
+    """Return the types of a value's parts, and the problems in them.
+
+    Args:
+        node: the value. Names that are missing in `types` have been reported already.
+        types: the type of each name.
+        known: whether `known` and `age` are allowed here.
+    """
+    inference = _Inference(types, known)
+    typed = inference.infer(node)
+    return typed, tuple(inference.problems)
+
+
+def infer_condition(node: Node, types: Types, *, known: bool) -> tuple[Typed, tuple[Problem, ...]]:
+    """Return the types of a condition's parts, and the problems in them; arguments as for `infer`."""
+    inference = _Inference(types, known)
+    typed = inference.condition(node)
+    return typed, tuple(inference.problems)
+
+
+def fit(value: Typed, wanted: Type, name: str) -> Iterator[Problem]:
+    """Yield the reasons why a value does not fit the context-variable with this type and name."""
+    given = value.type
+    if given is None:
+        return
+    inference = _Inference({}, known=False)
+    if wanted.kind is Kind.ENUM and given.kind is Kind.STR and given.fixed:
+        inference.check_members(value, wanted, f"'{name}'")
+        yield from inference.problems
+    elif wanted.kind is Kind.ENUM and given.kind is Kind.ENUM:
+        unknown = [member for member in given.values if member not in wanted.values]
+        if unknown:
+            help = f"map them: {{{wanted.values[0]}: CONDITION, ...}}"
+            message = f"'{unknown[0]}' of {to_text(value.node)} is not a value of '{name}'"
+            yield Problem("unknown-member", value.node, message, help)
+    elif wanted.numeric and given.numeric:
+        yield from _number_fits(value, given, wanted, name)
+    elif wanted.kind != given.kind and (wanted.kind, given.kind) != (Kind.STR, Kind.ENUM):
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
+        yield Problem("wrong-value-identified", value.node, message, _cure(given, wanted))
+
+
+def _number_fits(value: Typed, given: Type, wanted: Type, name: str) -> Iterator[Problem]:
+    same = given.unit.dimension == wanted.unit.dimension
+    is_int = given.kind is Kind.INT and (given.zero or given.unit == wanted.unit)
+    if not same and given.unit.dimension == ONE.dimension and not given.zero:
+        yield _missing_unit(value, f"'{name}'", wanted.unit)
+    elif not same and wanted.unit.dimension == ONE.dimension:
+        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' has no unit"
+        yield Problem("missing-unit", value.node, message, f"declare '{name}' with 'unit: {given.unit}'")
+    elif not same and not given.zero:
+        message = f"{to_text(value.node)} is in {given.unit}, but '{name}' is in {wanted.unit}"
+        yield Problem("mismatched-units", value.node, message, f"give a quantity in {wanted.unit}")
+    elif wanted.kind is Kind.INT and not is_int:
+        message = f"{to_text(value.node)} is {given}, but '{name}' is {wanted}"
+        yield Problem("wrong-value-identified", value.node, message, f"make '{name}' a float")
+
+
+def _cure(given: Type, wanted: Type) -> str:
+    if wanted.kind is Kind.BOOL:
+        return f"compare the value, e.g. with {_comparisons(given)}"
+    if wanted.kind is Kind.ENUM:
+        return f"map its members to conditions: {{{wanted.values[0]}: CONDITION, ...}}"
+    return f"give {wanted}, or change its type to {given.kind}"
+
+
+def _comparisons(given: Type) -> str:
+    return "'==' or '<'" if given.numeric else "'=='"
+
+
+class _Inference:
+    """Type inference in one walk over a condition, from the leaves up."""
+
+    def __init__(self, types: Types, known: bool) -> None:
+        self._types = types
+        self._known = known
+        self.problems: list[Problem] = []
+
+    def infer(self, node: Node) -> Typed:
+        """Return a node with its type."""
+        return _READERS[type(node)](self, node)
+
+    def check_members(self, value: Typed, wanted: Type, owner: str) -> None:
+        """Report each quoted text in a value that is not a member of the owner's enum."""
+        if isinstance(value.node, Choice):
+            self.check_members(value.parts[0], wanted, owner)
+            self.check_members(value.parts[2], wanted, owner)
+        elif isinstance(value.node, Text) and value.node.value not in wanted.values:
+            near = suggest(value.node.value, wanted.values)
+            listed = ", ".join(f'"{member}"' for member in wanted.values[:10])
+            help = f'did you mean "{near}"?' if near else f"members are {listed}"
+            message = f'"{value.node.value}" is not a value of {owner}'
+            self.problems.append(Problem("unknown-member", value.node, message, help, near, wanted.values))
+
+    def _report(self, rule: str, at: Typed, message: str, help: str) -> None:
+        self.problems.append(Problem(rule, at.node, message, help))
+
+    def _name(self, node: Name) -> Typed:
+        return Typed(node, self._types.get(node.name))
+
+    def _number(self, node: Number) -> Typed:
+        unit = ONE if node.unit is None else parse_unit(node.unit)
+        if unit is None:
+            return Typed(node, None)
+        kind = Kind.INT if isinstance(node.value, int) else Kind.FLOAT
+        return Typed(node, Type(kind, unit, fixed=True, zero=node.value == 0 and node.unit is None))
+
+    def _text(self, node: Text) -> Typed:
+        return Typed(node, Type(Kind.STR, fixed=True))
+
+    def _truth(self, node: Truth) -> Typed:
+        return Typed(node, Type(Kind.BOOL, fixed=True))
+
+    def condition(self, node: Node, before: Node | None = None) -> Typed:
+        """Return a part that must be a condition; `before` is the operand before it in an `and` or `or`."""
+        typed = self.infer(node)
+        if typed.type is None or typed.type.kind is Kind.BOOL:
+            return typed
+        if isinstance(typed.node, Text) and typed.node.value in self._types:
+            help = "write the name without quotes"
+        elif typed.type.fixed and isinstance(before, Compare):
+            compared, operator = to_text(before.first), before.rest[0][0]
+            help = f"repeat the left side: {compared} {operator} {to_text(typed.node)}"
+        else:
+            help = f"compare it, e.g. with {_comparisons(typed.type)}"
+        shown = to_text(typed.node)
+        self._report("not-a-condition", typed, f"{shown} is {typed.type}, not true or false", help)
+        return typed
+
+    def _not(self, node: Not) -> Typed:
+        return Typed(node, BOOL, (self.condition(node.operand),))
+
+    def _and_or(self, node: And | Or) -> Typed:
+        joined = zip(node.operands, (None, *node.operands), strict=False)
+        return Typed(node, BOOL, tuple(self.condition(operand, before) for operand, before in joined))
+
+    def _quantity(self, node: Node) -> Typed:
+        """Return a part that must be a number."""
+        typed = self.infer(node)
+        if typed.type is None or typed.type.numeric:
+            return typed
+        shown = to_text(typed.node)
+        self._report("wrong-operand", typed, f"{shown} is {typed.type}, not a number", "calculate with numbers only")
+        return replace(typed, type=None)
+
+    def _negative(self, node: Negative) -> Typed:
+        operand = self._quantity(node.operand)
+        return Typed(node, operand.type, (operand,))
+
+    def _arithmetic(self, node: Arithmetic) -> Typed:
+        left, right = self._quantity(node.left), self._quantity(node.right)
+        if left.type is None or right.type is None:
+            return Typed(node, None, (left, right))
+        if node.operator in "+-":
+            return Typed(node, self._common((left, right)), (left, right))
+        return Typed(node, self._product(node, left.type, right.type), (left, right))
+
+    def _product(self, node: Arithmetic, left: Type, right: Type) -> Type | None:
+        unit = left.unit / right.unit if node.operator == "/" else left.unit * right.unit
+        far = any(abs(exponent) > _MAX_EXPONENT for exponent in unit.dimension.exponents)
+        if far or not 1 / _MAX_FACTOR < unit.factor < _MAX_FACTOR:
+            self.problems.append(
+                Problem("wrong-operand", node, "the unit of this is too large or too small", "simplify it")
+            )
+            return None
+        is_int = node.operator == "*" and left.kind is right.kind is Kind.INT
+        return Type(Kind.INT if is_int else Kind.FLOAT, unit, fixed=left.fixed and right.fixed)
+
+    def _common(self, values: tuple[Typed, ...]) -> Type | None:
+        """Return the common type of values that are added, compared or chosen from; None if they don't match."""
+        for left, right in pairwise(values):
+            if not self._go_together(left, right):
+                return None
+        types = [value.type for value in values if value.type is not None]
+        if len(types) < len(values) or not types[0].numeric:
+            return self._joined(types) if len(types) == len(values) else None
+        measured = [type_ for type_ in types if not type_.zero] or types
+        lead = next((type_ for type_ in measured if not type_.fixed), measured[0])
+        is_int = all(type_.kind is Kind.INT and (type_.zero or type_.unit == lead.unit) for type_ in types)
+        fixed = all(type_.fixed for type_ in types)
+        return Type(Kind.INT if is_int else Kind.FLOAT, lead.unit, fixed=fixed, zero=all(type_.zero for type_ in types))
+
+    def _joined(self, types: list[Type]) -> Type:
+        """Return the type of a choice between values that are not numbers."""
+        fixed = all(type_.fixed for type_ in types)
+        enums = [type_ for type_ in types if type_.kind is Kind.ENUM]
+        if not enums:
+            return replace(types[0], fixed=fixed)
+        if any(type_.kind is Kind.STR and not type_.fixed for type_ in types):
+            return Type(Kind.STR)
+        return Type(Kind.ENUM, values=tuple(dict.fromkeys(member for enum in enums for member in enum.values)))
+
+    def _go_together(self, left: Typed, right: Typed) -> bool:
+        """Return whether two values can be added or compared; report the reason if they cannot."""
+        if left.type is None or right.type is None:
+            return False
+        if left.type.numeric and right.type.numeric:
+            problem = None if left.type.zero or right.type.zero else _units_differ(left, right)
+            self.problems += [problem] if problem else []
+            return problem is None
+        texts = {Kind.STR, Kind.ENUM}
+        if left.type.kind in texts and right.type.kind in texts:
+            return self._texts_go_together(left, right)
+        if left.type.kind is right.type.kind:
+            return True
+        self._report("mismatched-types", right, _mismatch(left, right), _mismatch_cure(left, right))
+        return False
+
+    def _texts_go_together(self, left: Typed, right: Typed) -> bool:
+        before = len(self.problems)
+        for value, other in ((left, right), (right, left)):
+            if value.type and other.type and other.type.kind is Kind.ENUM and value.type.kind is Kind.STR:
+                self.check_members(value, other.type, to_text(other.node))
+        enums = [side.type.values for side in (left, right) if side.type and side.type.kind is Kind.ENUM]
+        if len(enums) == 2 and not set(enums[0]) & set(enums[1]):
+            message = f"{to_text(left.node)} and {to_text(right.node)} have no value in common"
+            self._report("mismatched-types", right, message, "compare enums that share members")
+        return len(self.problems) == before
+
+    def _compare(self, node: Compare) -> Typed:
+        operands = [self._side(node.first), *(self._side(operand) for _, operand in node.rest)]
+        for (operator, _), (left, right) in zip(node.rest, pairwise(operands), strict=True):
+            self._check_link(operator, left, right)
+        return Typed(node, BOOL, tuple(operands))
+
+    def _side(self, node: Node) -> Typed:
+        """Return one side of a comparison: the only place where an age is allowed."""
+        return self._age(node) if is_age(node) and isinstance(node, Call) else self.infer(node)
+
+    def _check_link(self, operator: Comparison, left: Typed, right: Typed) -> None:
+        ages = [side for side in (left, right) if is_age(side.node)]
+        if len(ages) == 2:
+            message, help = "two ages cannot be compared", "compare each age with a duration"
+            self._report("misplaced-age", right, message, help)
+        elif ages and operator in _NO_OTHERS:
+            message = f"an age cannot be compared with '{operator}'"
+            self._report("misplaced-age", ages[0], message, "compare it with '<' or '>='")
+        elif self._go_together(left, right) and operator not in _NO_OTHERS:
+            self._check_order(operator, left)
+
+    def _check_order(self, operator: Comparison, left: Typed) -> None:
+        if left.type is not None and not left.type.numeric:
+            message = f"{to_text(left.node)} is {left.type}, which cannot be ordered with '{operator}'"
+            self._report("wrong-operand", left, message, "compare it with '==' or '!='")
+
+    def _in(self, node: In) -> Typed:
+        tested = self.infer(node.item)
+        options = tuple(self.infer(option) for option in node.options)
+        for option in options:
+            self._go_together(tested, option)
+        return Typed(node, BOOL, (tested, *options))
+
+    def _choice(self, node: Choice) -> Typed:
+        then, condition, otherwise = self.infer(node.then), self.condition(node.condition), self.infer(node.otherwise)
+        return Typed(node, self._common((then, otherwise)), (then, condition, otherwise))
+
+    def _call(self, node: Call) -> Typed:
+        if node.function == "known":
+            return self._known_or_age(node, BOOL)
+        if node.function == "age":
+            typed = self._known_or_age(node, None)
+            if self._known:
+                message, help = "an age must be one complete side of a comparison", "write age(x) < 10 s"
+                self._report("misplaced-age", typed, message, help)
+            return typed
+        arguments = tuple(self._quantity(argument) for argument in node.arguments)
+        return Typed(node, self._common(arguments), arguments)
+
+    def _age(self, node: Call) -> Typed:
+        return self._known_or_age(node, _SECONDS)
+
+    def _known_or_age(self, node: Call, result: Type | None) -> Typed:
+        """Return a call of `known` or `age`, which are only allowed in conditions over context."""
+        if not self._known:
+            message = f"{node.function}() is about context-variables, which cannot be read here"
+            help = "use it in 'observable_when'; an absent returned value makes its condition unknown by itself"
+            self._report("misplaced-known", Typed(node, None), message, help)
+        return Typed(node, result if self._known or node.function == "known" else None)
+
+
+def is_age(node: Node) -> bool:
+    """Return whether a node is `age(x)`."""
+    return isinstance(node, Call) and node.function == "age"
+
+
+def _units_differ(left: Typed, right: Typed) -> Problem | None:
+    """Return the problem if the units of two numbers do not match; None if they do."""
+    if left.type is None or right.type is None or left.type.unit.dimension == right.type.unit.dimension:
+        return None
+    for bare, other in ((left, right), (right, left)):
+        if bare.type and other.type and bare.type.unit.dimension == ONE.dimension:
+            return _missing_unit(bare, to_text(other.node), other.type.unit)
+    message = f"{to_text(left.node)} is in {left.type.unit}, but {to_text(right.node)} is in {right.type.unit}"
+    return Problem("mismatched-units", right.node, message, "compare quantities of one kind")
+
+
+def _missing_unit(bare: Typed, other: str, unit: Unit) -> Problem:
+    shown = to_text(bare.node)
+    if bare.type is not None and bare.type.fixed:
+        help = f"did you mean '{shown} {unit}'?"
+    else:
+        help = "state its unit where it is declared"
+    return Problem("missing-unit", bare.node, f"{shown} has no unit, but {other} is in {unit}", help)
+
+
+def _mismatch(left: Typed, right: Typed) -> str:
+    return f"{to_text(left.node)} is {left.type}, but {to_text(right.node)} is {right.type}"
+
+
+def _mismatch_cure(left: Typed, right: Typed) -> str:
+    for side, other in ((left, right), (right, left)):
+        if isinstance(side.node, Text) and other.type is not None:
+            if other.type.kind is Kind.BOOL and side.node.value in ("true", "false"):
+                return f"write {side.node.value} without quotes"
+            if other.type.numeric:
+                return "write the number without quotes"
+    return "compare values of one type"
+
+
+_READERS: Mapping[type[Node], Callable[[_Inference, Any], Typed]] = {
+    Name: _Inference._name,
+    Number: _Inference._number,
+    Text: _Inference._text,
+    Truth: _Inference._truth,
+    Not: _Inference._not,
+    And: _Inference._and_or,
+    Or: _Inference._and_or,
+    Compare: _Inference._compare,
+    In: _Inference._in,
+    Arithmetic: _Inference._arithmetic,
+    Negative: _Inference._negative,
+    Choice: _Inference._choice,
+    Call: _Inference._call,
+}

@@ -1,0 +1,1 @@
+"""Checks of the dependency graph: cycles, and where values come from."""

@@ -1,0 +1,313 @@
+"""Phase 4: every variable can become known, even if its observers need each other.
+
+The variables that can become known are the least fixed point of this rule: a variable is reached if one of its
+algorithms can run while every variable that is not yet reached is unknown. The remaining variables wait, directly or
+through others, on a cycle. The finding shows the complete cycle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+from codra_dsl.language import graph
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.solver.contradictions import Stated, contradiction, never_true, related_to, stated
+from codra_dsl.language.check.solver.satisfiable import can_hold, known
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression import And, Name, Node, names_in, spelt_out
+from codra_dsl.language.model import Algorithm, Condition
+
+MAX_COMBINED = 8
+"""If one condition reads more unknown names than this, it counts as waiting for each of them."""
+
+MAX_WAITING = 5
+"""The maximum number of waiting algorithms in a finding about an algorithm that never runs."""
+
+
+def cycles(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Yield a finding for each variable that can only become known once it is known; one per cause."""
+    if scope.lost("perception", "identifies"):
+        return
+    search = _Search(scope, faults)
+    search.run(scope.algorithms)
+    while search.blocked:
+        never = [name for name in search.blocked if not search.could_run(name)]
+        if never:
+            yield from (_never_runs(scope, search, name) for name in never)
+            search.let_run(never)
+            continue
+        waits = search.waits()
+        for component in _innermost(waits):
+            yield _cycle(scope, search, graph.shortest_cycle({name: waits[name] for name in component}))
+            search.reach(component)
+
+
+def feedback(scope: SpecIndex) -> Mapping[str, tuple[str, ...]]:
+    """Return, for each algorithm on a cycle of needs, the variables that it reads without waiting for them."""
+    needs = {
+        name: [need for producer in producers for need in scope.needs[producer]]
+        for name, producers in scope.producers.items()
+    }
+    circles = graph.strong_components(_without_ends(needs))
+    circle_of = {name: index for index, circle in enumerate(circles) for name in circle}
+    without_waiting: dict[str, tuple[str, ...]] = {}
+    for algorithm in scope.algorithms.values() if circles else ():
+        own = {circle_of.get(entry.variable.name) for entry in algorithm.identifies} - {None}
+        near = [need for need in scope.needs[algorithm.name] if circle_of.get(need) in own]
+        without_waiting[algorithm.name] = tuple(sorted(need for need in near if _runs_without(scope, algorithm, need)))
+    return without_waiting
+
+
+def _without_ends(needs: Mapping[str, Sequence[str]]) -> Mapping[str, Sequence[str]]:
+    """Return a graph without the names that are on no cycle because they need no remaining name."""
+    open_needs = {name: sum(need in needs for need in wanted) for name, wanted in needs.items()}
+    users: dict[str, list[str]] = {}
+    for name, wanted in needs.items():
+        for need in wanted:
+            users.setdefault(need, []).append(name)
+    ends = [name for name, count in open_needs.items() if count == 0]
+    while ends:
+        end = ends.pop()
+        del open_needs[end]
+        for user in users.get(end, ()):
+            open_needs[user] -= 1
+            if open_needs[user] == 0:
+                ends.append(user)
+    return {name: needs[name] for name in open_needs}
+
+
+GRAPH = (cycles,)
+"""The rules of this phase."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Requirement:
+    """A requirement before an algorithm starts: conditions, judged together, or a known value that it is given."""
+
+    conditions: tuple[Node, ...]
+    given: str | None = None
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Return the names that it reads."""
+        read = frozenset(name.name for condition in self.conditions for name in names_in(condition))
+        return read if self.given is None else read | {self.given}
+
+
+def _requirements(scope: SpecIndex, algorithm: Algorithm) -> Iterator[_Requirement]:
+    """Yield an algorithm's requirements one by one; each part of an `and` is one.
+
+    Conditions with a reported problem are left out.
+    """
+    for _, tree in _sound_conditions(scope, algorithm):
+        parts = tree.operands if isinstance(tree, And) else (tree,)
+        yield from (_Requirement((part,)) for part in parts)
+    for reference in algorithm.given:
+        yield _Requirement((), reference.name)
+
+
+def _sound_conditions(scope: SpecIndex, algorithm: Algorithm) -> Iterator[tuple[Condition, Node]]:
+    for condition in algorithm.observable_when:
+        judgement = scope.judgement(condition)
+        if judgement is not None and not judgement.problems:
+            yield condition, spelt_out(judgement.typed.node)
+
+
+class _Search:
+    """The fixed point as it grows: which variables are reached and which algorithms are still blocked."""
+
+    def __init__(self, scope: SpecIndex, faults: Silenced) -> None:
+        self._scope = scope
+        self._faults = faults
+        self._reached = {name for name in scope.variables if self._from_elsewhere(name)}
+        self._readers: dict[str, list[str]] = {}
+        for name, needs in scope.needs.items():
+            for need in needs:
+                self._readers.setdefault(need, []).append(name)
+        self.blocked: dict[str, Algorithm] = {}
+
+    def _from_elsewhere(self, name: str) -> bool:
+        """Return whether another source may write a variable, or whether this cannot be decided."""
+        others = any(source.name != OBSERVER for source in self._scope.variables[name].sources)
+        sound = self._faults.sound("context", name) and self._scope.readable("context", name, "source")
+        return others or name not in self._scope.producers or not sound
+
+    def run(self, names: Iterable[str]) -> None:
+        """Judge algorithms, then again the readers of newly reached variables, until nothing changes."""
+        waiting = list(names)[::-1]
+        while waiting:
+            name = waiting.pop()
+            algorithm = self._scope.algorithms[name]
+            if self._can_run(algorithm):
+                self.blocked.pop(name, None)
+                waiting.extend(self._newly_possible(entry.variable.name for entry in algorithm.identifies))
+            else:
+                self.blocked[name] = algorithm
+
+    def reach(self, names: Iterable[str]) -> None:
+        """Mark variables as reached, so that the search continues behind a reported cycle."""
+        self.run(self._newly_possible(names))
+
+    def let_run(self, names: Iterable[str]) -> None:
+        """Mark algorithms as running, so that the search continues behind a reported problem."""
+        for name in names:
+            algorithm = self.blocked.pop(name)
+            self.reach([entry.variable.name for entry in algorithm.identifies])
+
+    def could_run(self, name: str) -> bool:
+        """Return whether an algorithm could run if everything were reached."""
+        return _holds(self._scope, tuple(_requirements(self._scope, self.blocked[name])), frozenset())
+
+    def waits(self) -> Mapping[str, tuple[str, ...]]:
+        """Return, for each variable that is not reached, the variables that it waits for."""
+        waits: dict[str, list[str]] = {}
+        for algorithm in self.blocked.values():
+            blocking = self.blocking(algorithm)
+            for entry in algorithm.identifies:
+                if entry.variable.name not in self._reached:
+                    waits.setdefault(entry.variable.name, []).extend(blocking)
+        return {name: tuple(dict.fromkeys(needs)) for name, needs in waits.items()}
+
+    def blocking(self, algorithm: Algorithm) -> tuple[str, ...]:
+        """Return the variables that keep an algorithm from running: with some of them reached, it could."""
+        requirements = tuple(_requirements(self._scope, algorithm))
+        unknown = self._unknown(algorithm)
+        failing = [requirement for requirement in requirements if not _holds(self._scope, (requirement,), unknown)]
+        groups: list[tuple[_Requirement, ...]] = [(requirement,) for requirement in failing] or [requirements]
+        return tuple(dict.fromkeys(name for group in groups for name in self._relevant(group, unknown)))
+
+    def _relevant(self, group: Sequence[_Requirement], unknown: frozenset[str]) -> list[str]:
+        names = sorted(unknown & frozenset().union(*(requirement.names for requirement in group)))
+        if len(names) > MAX_COMBINED:
+            return names
+        others = unknown - frozenset(names)
+        holds = {
+            frozenset(reached): _holds(self._scope, group, others | (frozenset(names) - frozenset(reached)))
+            for size in range(len(names) + 1)
+            for reached in combinations(names, size)
+        }
+        return [name for name in names if any(not held and holds[without | {name}] for without, held in holds.items())]
+
+    def _can_run(self, algorithm: Algorithm) -> bool:
+        unknown = self._unknown(algorithm)
+        if not unknown and all(type(condition.tree) is Name for condition in algorithm.observable_when):
+            return True  # the common case: all needed variables are reached
+        return _holds(self._scope, tuple(_requirements(self._scope, algorithm)), unknown)
+
+    def _unknown(self, algorithm: Algorithm) -> frozenset[str]:
+        needs, declared = self._scope.needs[algorithm.name], self._scope.variables
+        return frozenset(name for name in needs if name not in self._reached and name in declared)
+
+    def _newly_possible(self, names: Iterable[str]) -> list[str]:
+        """Reach variables and return the blocked algorithms that read one of them for the first time."""
+        new = [name for name in names if name not in self._reached]
+        self._reached.update(new)
+        readers = dict.fromkeys(reader for name in new for reader in self._readers.get(name, ()))
+        return [reader for reader in readers if reader in self.blocked]
+
+
+def _holds(scope: SpecIndex, requirements: Sequence[_Requirement], unknown: frozenset[str]) -> bool:
+    if any(requirement.given in unknown for requirement in requirements):
+        return False
+    conditions = [condition for requirement in requirements for condition in requirement.conditions]
+    read = {name for requirement in requirements if requirement.given is None for name in requirement.names}
+    conditions += [
+        known(requirement.given)
+        for requirement in requirements
+        if requirement.given is not None and requirement.given in read
+    ]
+    return can_hold(
+        conditions, unknown & {name for requirement in requirements for name in requirement.names}, scope.context_types
+    )
+
+
+def _runs_without(scope: SpecIndex, algorithm: Algorithm, name: str) -> bool:
+    return _holds(scope, tuple(_requirements(scope, algorithm)), frozenset({name}))
+
+
+def _innermost(waits: Mapping[str, tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
+    """Yield the sets of variables that wait for each other and for no other unreached variable."""
+    for component in graph.strong_components(waits):
+        members = frozenset(component)
+        if all(members.issuperset(waits[name]) for name in component):
+            yield component
+
+
+def _cycle(scope: SpecIndex, search: _Search, path: tuple[str, ...]) -> Diagnostic:
+    edges = [_edge(scope, search, name, need) for name, need in pairwise((*path, path[0]))]
+    shown = " -> ".join((*path, path[0]))
+    if len(path) == 1:
+        message = f"context-variable '{path[0]}' waits for itself: {shown}"
+        help = f"identify it without itself, e.g. when 'not known({path[0]}) or age({path[0]}) > 10 s'"
+    else:
+        message = f"context-variables wait for each other: {shown}"
+        help = "identify one of them without the others, or name another writer of it under 'source'"
+    return finding(
+        "cycle",
+        message,
+        edges[0].place,
+        path=f"context.{path[0]}",
+        help=help,
+        related=tuple(edges),
+    )
+
+
+def _edge(scope: SpecIndex, search: _Search, name: str, need: str) -> Related:
+    """Return why a variable waits for another, and the place of the cause."""
+    algorithms = [scope.algorithms[producer] for producer in scope.producers[name]]
+    algorithm = next(producer for producer in algorithms if need in search.blocking(producer))
+    place, reason = _place_of_need(algorithm, need)
+    return Related(f"'{name}' needs '{need}': algorithm '{algorithm.name}' {reason}", place)
+
+
+def _place_of_need(algorithm: Algorithm, need: str) -> tuple[Place, str]:
+    for condition in algorithm.observable_when:
+        names = () if condition.tree is None else names_in(condition.tree)
+        mention = next((name for name in names if name.name == need), None)
+        if mention is not None:
+            return condition.place_of(mention), f"runs when '{condition.text}'"
+    given = next(reference for reference in algorithm.given if reference.name == need)
+    return given.place, "gets its value with 'given'"
+
+
+def _never_runs(scope: SpecIndex, search: _Search, name: str) -> Diagnostic:
+    algorithm = scope.algorithms[name]
+    conditions = [stated(condition, tree) for condition, tree in _sound_conditions(scope, algorithm)]
+    given = [
+        Stated(known(reference.name), f"given: {reference.name}", reference.place) for reference in algorithm.given
+    ]
+    core = contradiction((*given, *conditions), scope.context_types)
+    variables = [
+        scope.variables[name.name]
+        for condition in core
+        for name in names_in(condition.tree)
+        if name.name in scope.variables
+    ]
+    return finding(
+        "never-runs",
+        f"algorithm '{name}' can never run: {never_true(core)}",
+        core[-1].place,
+        path=f"perception.{name}.observable_when",
+        help="change the condition, or remove the algorithm",
+        related=(
+            *related_to(core, scope.context_types, dict.fromkeys(variables)),
+            *_waiting_for(scope, search, algorithm),
+        ),
+    )
+
+
+def _waiting_for(scope: SpecIndex, search: _Search, algorithm: Algorithm) -> Iterator[Related]:
+    """Yield the algorithms that wait for a variable of an algorithm that never runs."""
+    identified = {entry.variable.name for entry in algorithm.identifies}
+    others = [
+        other
+        for other in search.blocked.values()
+        if other is not algorithm and identified & set(scope.needs[other.name])
+    ]
+    for other in others[:MAX_WAITING]:
+        need = next((need for need in search.blocking(other) if need in identified), None)
+        if need is not None:
+            yield Related(f"algorithm '{other.name}' waits for '{need}'", _place_of_need(other, need)[0])

@@ -1,0 +1,300 @@
+"""Phase 2: every context-variable has a source, and each tree consists of algorithms that fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Group, Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.model import Algorithm, ObserverSetting, Reference
+
+
+def unidentified_variables(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every variable is identified by an algorithm or names another writer under `source`."""
+    if scope.lost("perception", "identifies"):
+        return
+    unidentified = [
+        name for name, variable in scope.variables.items() if name not in scope.producers and not variable.sources
+    ]
+    undeclared = [name for name in scope.producers if not scope.declares("context", name)]
+    for variable in scope.variables.values():
+        name = variable.name
+        if name in unidentified and len(unidentified) <= len(undeclared):  # an unknown name may be intended for it
+            continue
+        observed = [source for source in variable.sources if source.name == OBSERVER]
+        others = len(variable.sources) - len(observed)
+        if (
+            name in scope.producers
+            or name in faults.suggested
+            or not (faults.sound("context", name) and scope.readable("context", name, "source"))
+            or (others and not observed)
+        ):
+            continue
+        if others:
+            message = f"source 'observer' of context-variable '{name}', which no algorithm identifies"
+            place, help = observed[0].place, "remove 'observer', or add an algorithm that identifies it"
+        else:
+            message = f"nothing identifies context-variable '{name}'"
+            place, help = (
+                variable.place,
+                "add an algorithm that identifies it, or name another writer of it under 'source'",
+            )
+        yield finding("unidentified-variable", message, place, path=f"context.{name}", help=help)
+
+
+def observer_is_no_source(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """A variable that an algorithm identifies has `observer` among its sources."""
+    for name, producers in scope.producers.items():
+        variable = scope.variables.get(name)
+        if variable is None or not variable.sources or not faults.sound("context", name):
+            continue
+        if not scope.readable("context", name, "source"):
+            continue
+        if OBSERVER not in (source.name for source in variable.sources):
+            algorithm = scope.algorithms[producers[0]]
+            sources = " and ".join(f"'{source.name}'" for source in variable.sources)
+            message = (
+                f"context-variable '{name}' comes only from {sources}, but algorithm '{algorithm.name}' identifies it"
+            )
+            yield finding(
+                "observer-is-no-source",
+                message,
+                variable.places.get("source", variable.place),
+                path=f"context.{name}.source",
+                help="add 'observer' to 'source'",
+                related=(Related("identified here", _identified(algorithm, name).place),),
+            )
+
+
+def same_rank(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Alternatives have different ranks, which define the order in which they are tried."""
+    for group in scope.groups:
+        for rank in sorted({algorithm.rank for algorithm in group.algorithms}):
+            tied = sorted(
+                (algorithm for algorithm in group.algorithms if algorithm.rank == rank),
+                key=lambda algorithm: algorithm.place.span,
+            )
+            if len(tied) > 1 and _declared(scope, group) and _readable(scope, tied, "rank"):
+                yield _tie(group, tied, rank)
+
+
+def incomplete_first_alternative(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """The first of several alternatives identifies every variable of their tree."""
+    for group in scope.groups:
+        is_complete = _declared(scope, group) and _readable(scope, group.algorithms, "rank", "identifies")
+        if group.beyond_first and group.settled and is_complete:
+            first, missing = group.algorithms[0], group.beyond_first[0]
+            other = next(algorithm for algorithm in group.algorithms if _has(algorithm, missing))
+            yield finding(
+                "incomplete-first-alternative",
+                f"algorithm '{first.name}' is the first of its alternatives, but does not identify '{missing}'",
+                first.places.get("identifies", first.place),
+                path=f"perception.{first.name}.identifies",
+                help=f"identify '{missing}' here too, or in an algorithm that shares no variable with this one",
+                related=(Related(f"algorithm '{other.name}' does", _identified(other, missing).place),),
+            )
+
+
+def observers_without_algorithm(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """`observers` names only variables that an algorithm identifies."""
+    if scope.lost("perception", "identifies"):
+        return
+    for setting in scope.spec.observers:
+        for reference in setting.identifies:
+            variable = scope.variables.get(reference.name)
+            if variable is None or reference.name in scope.producers or reference.name in faults.suggested:
+                continue
+            if any(source.name != OBSERVER for source in variable.sources):
+                message = f"'{reference.name}' in observer '{setting.name}' has no algorithm that identifies it"
+                path, help = _path(setting), "remove it: an observer identifies by algorithms"
+                yield finding("observer-without-algorithm", message, reference.place, path=path, help=help)
+
+
+def variables_in_two_observers(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Each variable is in one observer at most, since a tree has one name, period and priority."""
+    for setting in scope.spec.observers:
+        reported: set[str] = set()
+        for reference in setting.identifies:
+            owner, first = scope.claims[reference.name]
+            if owner.name != setting.name and owner.name not in reported:
+                reported.add(owner.name)
+                message = f"'{reference.name}' in observer '{setting.name}' is also in observer '{owner.name}'"
+                help = "name it in one of them"
+                related = (Related(f"in observer '{owner.name}'", first.place),)
+                yield finding(
+                    "variable-in-two-observers",
+                    message,
+                    reference.place,
+                    path=_path(setting),
+                    help=help,
+                    related=related,
+                )
+
+
+def observers_that_mix(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Trees of different algorithms are joined only if they have the same set of conditions."""
+    for setting in scope.spec.observers:
+        groups = _groups(scope, setting)
+        others = (group for group in groups[1:] if not _joinable(groups[0], group))
+        incompatible = next(others, None)
+        if incompatible is not None and _in_order(scope, faults, setting, groups):
+            yield _mixed(setting, groups[0], incompatible)
+
+
+def observers_that_split(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """An observer names all variables of its tree."""
+    for setting in scope.spec.observers:
+        groups = _groups(scope, setting)
+        if not _in_order(scope, faults, setting, groups) or any(
+            not _joinable(groups[0], group) for group in groups[1:]
+        ):
+            continue
+        named = {reference.name for reference in setting.identifies}
+        for group in groups:
+            missing = [name for name in group.variables if name not in named and name in scope.variables]
+            later = [name for name in missing if name in scope.claims and _comes_later(scope, name, setting)]
+            if missing and not later:
+                yield _split(scope, setting, group, missing[0])
+
+
+def observer_names_taken(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """No observer has the name that another tree gets from its first algorithm."""
+    if scope.lost("observers", "identifies"):
+        return
+    unnamed = {
+        group.algorithms[0].name.casefold(): group.algorithms[0]
+        for group in scope.groups
+        if not any(name in scope.claims for name in group.variables)
+    }
+    for setting in scope.spec.observers:
+        other = unnamed.get(setting.name.casefold())
+        if other is not None:
+            message = f"observer '{setting.name}' has the name of the tree of algorithm '{other.name}'"
+            yield finding(
+                "observer-name-taken",
+                message,
+                setting.place,
+                path=f"observers.{setting.name}",
+                help="choose another name, or name that tree in 'observers' as well",
+                related=(Related("the algorithm", other.place),),
+            )
+
+
+SOURCES = (
+    unidentified_variables,
+    observer_is_no_source,
+    same_rank,
+    incomplete_first_alternative,
+    observers_without_algorithm,
+    variables_in_two_observers,
+    observers_that_mix,
+    observers_that_split,
+    observer_names_taken,
+)
+"""The rules of this phase."""
+
+
+def _tie(group: Group, tied: list[Algorithm], rank: int) -> Diagnostic:
+    first, second, *rest = tied
+    named = " and ".join(f"'{algorithm.name}'" for algorithm in tied)
+    shared = max(group.variables, key=lambda name: sum(_has(algorithm, name) for algorithm in tied))
+    return finding(
+        "same-rank",
+        f"algorithms {named} are alternatives for '{shared}' and share rank {rank}",
+        second.places.get("rank", second.place),
+        path=f"perception.{second.name}.rank",
+        help="give each a 'rank' of its own: the smallest is tried first",
+        related=tuple(
+            Related(f"algorithm '{algorithm.name}'", algorithm.places.get("rank", algorithm.place))
+            for algorithm in (first, *rest)
+        ),
+    )
+
+
+def _mixed(setting: ObserverSetting, first: Group, other: Group) -> Diagnostic:
+    one, two = first.algorithms[0], other.algorithms[0]
+    several = next((group.algorithms[0] for group in (first, other) if len(group.algorithms) > 1), None)
+    reason = "whose conditions differ" if several is None else f"and '{several.name}' has an alternative"
+    return finding(
+        "observer-mixes-trees",
+        f"observer '{setting.name}' joins algorithms '{one.name}' and '{two.name}', {reason}",
+        setting.places.get("identifies", setting.place),
+        path=_path(setting),
+        help="declare an observer for each, or give both the same 'observable_when' and 'given'",
+        related=tuple(Related(f"algorithm '{algorithm.name}'", algorithm.place) for algorithm in (one, two)),
+    )
+
+
+def _split(scope: SpecIndex, setting: ObserverSetting, group: Group, missing: str) -> Diagnostic:
+    algorithm = next(candidate for candidate in group.algorithms if _has(candidate, missing))
+    owner = scope.claims[missing][0].name if missing in scope.claims else None
+    where = "" if owner is None else f", which observer '{owner}' names"
+    message = f"observer '{setting.name}' leaves out '{missing}', which algorithm '{algorithm.name}' identifies as well"
+    return finding(
+        "observer-splits-tree",
+        message + where,
+        setting.places.get("identifies", setting.place),
+        path=_path(setting),
+        help=f"add '{missing}': an observer names all variables of its tree",
+        related=(Related("identified here", _identified(algorithm, missing).place),),
+    )
+
+
+def _path(setting: ObserverSetting) -> str:
+    return f"observers.{setting.name}.identifies"
+
+
+def _has(algorithm: Algorithm, name: str) -> bool:
+    return any(entry.variable.name == name for entry in algorithm.identifies)
+
+
+def _identified(algorithm: Algorithm, name: str) -> Reference:
+    return next(entry.variable for entry in algorithm.identifies if entry.variable.name == name)
+
+
+def _groups(scope: SpecIndex, setting: ObserverSetting) -> tuple[Group, ...]:
+    """Return the groups whose variables an observer names, in its order."""
+    groups = (scope.group_of.get(reference.name) for reference in setting.identifies)
+    return tuple(dict.fromkeys(group for group in groups if group is not None))
+
+
+def _declared(scope: SpecIndex, group: Group) -> bool:
+    """Return whether all variables of a group are declared; if not, it may not be the intended group."""
+    return all(scope.declares("context", name) for name in group.variables)
+
+
+def _in_order(scope: SpecIndex, faults: Silenced, setting: ObserverSetting, groups: Iterable[Group]) -> bool:
+    """Return whether there is no finding about an observer and the algorithms of its trees."""
+    shared = any(scope.claims[reference.name][0].name != setting.name for reference in setting.identifies)
+    readable = scope.readable("observers", setting.name, "identifies")
+    if shared or not readable or not faults.sound("observers", setting.name):
+        return False
+    return all(
+        _declared(scope, group)
+        and _readable(scope, group.algorithms, *NEED_KEYS, "identifies", "rank")
+        and group.settled
+        and not group.beyond_first
+        and all(faults.sound("perception", algorithm.name) for algorithm in group.algorithms)
+        for group in groups
+    )
+
+
+def _readable(scope: SpecIndex, algorithms: Iterable[Algorithm], *keys: str) -> bool:
+    return all(scope.readable("perception", algorithm.name, *keys) for algorithm in algorithms)
+
+
+def _joinable(one: Group, other: Group) -> bool:
+    if len(one.algorithms) > 1 or len(other.algorithms) > 1:
+        return False
+    return _guards(one.algorithms[0]) == _guards(other.algorithms[0])
+
+
+def _guards(algorithm: Algorithm) -> frozenset[object]:
+    """Return the preconditions of an algorithm as a set; conditions with equal syntax trees are equal."""
+    conditions = {condition.tree for condition in algorithm.observable_when}
+    return frozenset(conditions) | {reference.name for reference in algorithm.given}
+
+
+def _comes_later(scope: SpecIndex, name: str, setting: ObserverSetting) -> bool:
+    return scope.claims[name][0].place.span > setting.place.span

@@ -1,0 +1,1 @@
+"""Lookup tables over a specification that all checks share, and the rules they report."""

@@ -1,0 +1,231 @@
+"""Corrections of misspelt names in a spec, so that a reported misspelling causes no further findings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, TypeVar
+
+from codra_dsl.language.expression import Name, Node, Path, names_in
+from codra_dsl.language.model import (
+    Agent,
+    AgentRule,
+    Algorithm,
+    Attribute,
+    Condition,
+    EdgeType,
+    Expectation,
+    Hysteresis,
+    Identification,
+    Members,
+    NodeType,
+    ObserverSetting,
+    Reference,
+    Resource,
+    Returned,
+    Skill,
+    Spec,
+    Task,
+    ValueType,
+    Variable,
+    Writer,
+)
+
+Owner = str | tuple[str]
+"""The owner of declared names: a section, or, for returned values, the algorithm alone in a tuple."""
+
+Names = Mapping[str, str]
+"""The intended names, by the written ones."""
+
+Declared = TypeVar("Declared", Variable, Resource, Agent, Returned)
+Typed = TypeVar("Typed", Variable, Returned)
+
+_NONE: Names = {}
+
+
+@dataclass(frozen=True)
+class Corrections:
+    """The intended names of misspelt ones, collected while findings are made.
+
+    Attributes:
+        declared: by owner, the corrected names of declarations.
+        used: by owner, the corrected names of references to declarations.
+        members: by owner and name, the intended members of an enum.
+    """
+
+    declared: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    used: dict[Owner, dict[str, str]] = field(default_factory=dict)
+    members: dict[tuple[Owner, str], tuple[str, ...]] = field(default_factory=dict)
+
+    def declaration(self, owner: Owner, written: str, intended: str) -> None:
+        """Record a misspelt declaration."""
+        self.declared.setdefault(owner, {})[written] = intended
+
+    def use(self, owner: Owner, written: str, intended: str) -> None:
+        """Record a misspelt reference."""
+        self.used.setdefault(owner, {})[written] = intended
+
+    def __bool__(self) -> bool:
+        """Return whether anything is misspelt."""
+        return bool(self.declared or self.used or self.members)
+
+
+def corrected(spec: Spec, corrections: Corrections) -> Spec:
+    """Return a spec with the intended names instead of the misspelt ones; places stay."""
+    return _Reading(corrections).spec(spec)
+
+
+class _Reading:
+    """Corrects names, element by element; an element without a misspelt name stays as it is."""
+
+    def __init__(self, corrections: Corrections) -> None:
+        self._corrections = corrections
+        self._context = corrections.used.get("context", _NONE)
+        self._agents = corrections.used.get("agents", _NONE)
+
+    def spec(self, spec: Spec) -> Spec:
+        """Return a spec with all corrections."""
+        return replace(
+            spec,
+            context=tuple(map(self._variable, self._declared("context", spec.context))),
+            perception=tuple(map(self._algorithm, spec.perception)),
+            skills=tuple(map(self._skill, spec.skills)),
+            observers=tuple(map(self._observer, spec.observers)),
+            resources=self._declared("resources", spec.resources),
+            agents=tuple(map(self._agent, self._declared("agents", spec.agents))),
+            types=tuple(map(self._node_type, spec.types)),
+            edges=tuple(map(self._edge, spec.edges)),
+            tasks=tuple(map(self._task, spec.tasks)),
+            damaged_keys={self._key(key): self._keys(key, keys) for key, keys in spec.damaged_keys.items()},
+        )
+
+    def _key(self, key: tuple[str, str]) -> tuple[str, str]:
+        section, name = key
+        return section, self._corrections.declared.get(section, _NONE).get(name, name)
+
+    def _keys(self, key: tuple[str, str], keys: frozenset[str]) -> frozenset[str]:
+        """Return which keys of an element are damaged, with the intended names of returned values."""
+        returned = self._corrections.declared.get((key[1],), _NONE) if key[0] == "perception" else _NONE
+        return frozenset(f"returns.{returned[key[8:]]}" if key[8:] in returned else key for key in keys)
+
+    def _declared(self, owner: Owner, elements: Iterable[Declared]) -> tuple[Declared, ...]:
+        names = self._corrections.declared.get(owner, _NONE)
+        return tuple(
+            replace(element, name=names[element.name]) if element.name in names else element for element in elements
+        )
+
+    def _variable(self, variable: Variable) -> Variable:
+        sources = self._references(variable.sources, self._agents)
+        return self._with_members(replace(variable, sources=sources), "context")
+
+    def _with_members(self, typed: Typed, owner: Owner) -> Typed:
+        members = self._corrections.members.get((owner, typed.name))
+        if members is None:
+            return typed
+        declared: ValueType = replace(typed.type, values=members)
+        return replace(typed, type=declared)
+
+    def _algorithm(self, algorithm: Algorithm) -> Algorithm:
+        seen = self._corrections.used.get((algorithm.name,), _NONE)
+        resources = self._corrections.used.get("resources", _NONE)
+        returns = self._declared((algorithm.name,), algorithm.returns)
+        return replace(
+            algorithm,
+            uses=tuple(replace(usage, resource=_reference(usage.resource, resources)) for usage in algorithm.uses),
+            given=self._references(algorithm.given, self._context),
+            returns=tuple(self._with_members(returned, (algorithm.name,)) for returned in returns),
+            observable_when=tuple(_condition(condition, self._context) for condition in algorithm.observable_when),
+            accept_when=tuple(_condition(condition, seen) for condition in algorithm.accept_when),
+            identifies=tuple(self._identification(entry, seen) for entry in algorithm.identifies),
+        )
+
+    def _identification(self, entry: Identification, seen: Names) -> Identification:
+        by = entry.by
+        if isinstance(by, Members):
+            by = replace(by, cases=tuple((member, _condition(condition, seen)) for member, condition in by.cases))
+        elif isinstance(by, Hysteresis):
+            leave = None if by.leave is None else _condition(by.leave, seen)
+            by = replace(by, enter=_condition(by.enter, seen), leave=leave)
+        else:
+            by = _condition(by, seen)
+        return Identification(variable=_reference(entry.variable, self._context), by=by)
+
+    def _skill(self, skill: Skill) -> Skill:
+        return replace(
+            skill,
+            preview=self._references(skill.preview, self._context),
+            monitor=tuple(map(self._expectation, skill.monitor)),
+            changes=self._references(skill.changes, self._context),
+        )
+
+    def _expectation(self, expectation: Expectation) -> Expectation:
+        condition = expectation.condition
+        return replace(
+            expectation,
+            variable=_reference(expectation.variable, self._context),
+            condition=None if condition is None else _condition(condition, self._context),
+        )
+
+    def _observer(self, setting: ObserverSetting) -> ObserverSetting:
+        return replace(setting, identifies=self._references(setting.identifies, self._context))
+
+    def _agent(self, agent: Agent) -> Agent:
+        if agent.conduct.is_bare or not self._context:
+            return agent
+        conduct = agent.conduct
+        rules = tuple(map(self._rule, conduct.rules))
+        return replace(agent, conduct=replace(conduct, wakes=self._patterns(conduct.wakes), rules=rules))
+
+    def _rule(self, rule: AgentRule) -> AgentRule:
+        before, during, after = (self._patterns(patterns) for patterns in (rule.before, rule.during, rule.after))
+        return replace(rule, before=before, during=during, after=after)
+
+    def _patterns(self, patterns: Iterable[Condition]) -> tuple[Condition, ...]:
+        return tuple(
+            pattern if isinstance(pattern.tree, Path) else _condition(pattern, self._context) for pattern in patterns
+        )
+
+    def _node_type(self, kind: NodeType) -> NodeType:
+        return replace(kind, sources=self._writers(kind.sources), attributes=self._attributes(kind.attributes))
+
+    def _edge(self, edge: EdgeType) -> EdgeType:
+        return replace(edge, sources=self._writers(edge.sources), attributes=self._attributes(edge.attributes))
+
+    def _attributes(self, attributes: Iterable[Attribute]) -> tuple[Attribute, ...]:
+        return tuple(replace(attribute, sources=self._writers(attribute.sources)) for attribute in attributes)
+
+    def _writers(self, writers: Iterable[Writer]) -> tuple[Writer, ...]:
+        return tuple(replace(writer, name=self._agents.get(writer.name, writer.name)) for writer in writers)
+
+    def _task(self, task: Task) -> Task:
+        requesters = self._references(task.requesters, self._agents)
+        return replace(task, by=_reference(task.by, self._agents), requesters=requesters)
+
+    def _references(self, references: Iterable[Reference], names: Names) -> tuple[Reference, ...]:
+        return tuple(_reference(reference, names) for reference in references)
+
+
+def _reference(reference: Reference, names: Names) -> Reference:
+    intended = names.get(reference.name)
+    return reference if intended is None else replace(reference, name=intended)
+
+
+def _condition(condition: Condition, names: Names) -> Condition:
+    tree = condition.tree
+    if tree is None or not names or not any(name.name in names for name in names_in(tree)):
+        return condition
+    return replace(condition, tree=_renamed(tree, names))
+
+
+def _renamed(node: Node, names: Names) -> Node:
+    """Return a syntax tree with other names; the positions of its parts stay."""
+    if isinstance(node, Name):
+        return replace(node, name=names.get(node.name, node.name))
+    return replace(node, **{part.name: _all_renamed(getattr(node, part.name), names) for part in fields(node)})
+
+
+def _all_renamed(value: Any, names: Names) -> Any:
+    """Return the value of a field of a syntax tree, with other names in the trees in it."""
+    if isinstance(value, tuple):
+        return tuple(_all_renamed(part, names) for part in value)
+    return _renamed(value, names) if isinstance(value, Node) else value

@@ -1,0 +1,390 @@
+"""The declared knowledge graph in tables: types, initial nodes and edges, and writers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+from codra_dsl.language.check.conditions.types import BOOL, Type, declared_type
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.expression import NodeTerm, Path, reads_of
+from codra_dsl.language.model import (
+    CONTEXT_NODE,
+    RESULT,
+    RT,
+    TASK_TYPE,
+    Agent,
+    Attribute,
+    EdgeType,
+    Kind,
+    NodeElement,
+    NodeType,
+    Reference,
+    Spec,
+    Task,
+    TaskState,
+    ValueType,
+    Variable,
+    Writer,
+)
+from codra_dsl.language.units import UNITS
+
+_METRES = Type(Kind.FLOAT, UNITS["m"], range=(0.0, math.inf))
+
+STATES = frozenset(state.value for state in TaskState)
+"""The states of a task, which are labels of its edge; no declared edge has such a name."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class KnowledgeElement:
+    """A declared element of knowledge that has writers and readers.
+
+    Attributes:
+        section: `context`, `types`, `edges` or `tasks`.
+        attribute: of a type or an edge; empty for the type or edge itself.
+    """
+
+    section: str
+    name: str
+    attribute: str = ""
+
+    def __str__(self) -> str:
+        """Return its name in messages."""
+        noun = {"context": "context-variable", "types": "type", "edges": "edge", "tasks": "task"}[self.section]
+        return f"{noun} '{self.name}'" if not self.attribute else f"attribute '{self.name}.{self.attribute}'"
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The meaning of a name at an end of an edge: a single node, or every node of a type."""
+
+    name: str
+    is_node: bool
+
+
+@dataclass(frozen=True)
+class DeclaredGraph:
+    """The knowledge of a spec in tables. If a name is declared twice, which `load` reports, the first one counts."""
+
+    spec: Spec
+
+    @cached_property
+    def types(self) -> Mapping[str, NodeType]:
+        """The declared types of nodes, by name."""
+        return _by_name(self.spec.types)
+
+    @cached_property
+    def nodes(self) -> Mapping[str, NodeElement]:
+        """The declared nodes, by name."""
+        return _by_name(self.spec.nodes)
+
+    @cached_property
+    def edges(self) -> Mapping[str, EdgeType]:
+        """The types of edges, by name."""
+        return _by_name(self.spec.edges)
+
+    @cached_property
+    def tasks(self) -> Mapping[str, Task]:
+        """The tasks, by name."""
+        return _by_name(self.spec.tasks)
+
+    @cached_property
+    def agents(self) -> Mapping[str, Agent]:
+        """The agents, by name."""
+        return _by_name(self.spec.agents)
+
+    @cached_property
+    def variables(self) -> Mapping[str, Variable]:
+        """The context-variables that are attributes of nodes, by name: all except those that follow from poses."""
+        return _by_name(variable for variable in self.spec.context if variable.posed is None)
+
+    @cached_property
+    def type_names(self) -> frozenset[str]:
+        """The names of all types: declared ones, those that only nodes name, and the type of tasks."""
+        return frozenset((*self.types, *(node.type.name for node in self.spec.nodes), TASK_TYPE))
+
+    @cached_property
+    def node_names(self) -> frozenset[str]:
+        """The names of all nodes that exist from the start, including tasks."""
+        return frozenset((*self.nodes, *self.tasks, CONTEXT_NODE))
+
+    @cached_property
+    def edge_words(self) -> frozenset[str]:
+        """The words allowed as an edge in a pattern: names and labels of edges, and the states of tasks."""
+        labels = (edge.label for edge in self.spec.edges)
+        return frozenset((*self.edges, *labels, *(STATES if self.tasks else ())))
+
+    @property
+    def sections(self) -> Mapping[str, frozenset[str]]:
+        """The declared names, by section."""
+        tables = (("types", self.types), ("nodes", self.nodes), ("edges", self.edges), ("tasks", self.tasks))
+        return {section: frozenset(table) for section, table in tables}
+
+    def type_of(self, node: str) -> str:
+        """Return the name of a node's type."""
+        if node in self.nodes:
+            return self.nodes[node].type.name
+        return TASK_TYPE if node in self.tasks else node
+
+    def end(self, name: str) -> End:
+        """Return the meaning of a name at an end of an edge: a node if there is one, else a type."""
+        return End(name, name in self.node_names)
+
+    def fits(self, term: NodeTerm, end: End) -> bool:
+        """Return whether a term and an end of an edge can mean the same node."""
+        if term.name:
+            return term.name == end.name if end.is_node else self.type_of(term.name) == end.name
+        if term.type:
+            return term.type == (self.type_of(end.name) if end.is_node else end.name)
+        return True
+
+    def may_be(self, one: NodeTerm, other: NodeTerm) -> bool:
+        """Return whether two terms may mean the same node."""
+        if one.name and other.name:
+            return one.name == other.name
+        kinds = {self.type_of(term.name) if term.name else term.type for term in (one, other)} - {""}
+        return len(kinds) < 2
+
+    def edges_named(self, word: str) -> tuple[EdgeType, ...]:
+        """Return the edges that a word in a pattern names: the edge of that name, else all edges with that label."""
+        if word in self.edges:
+            return (self.edges[word],)
+        return tuple(edge for edge in self.edges.values() if edge.label == word)
+
+    def edges_between(self, origin: NodeTerm, word: str, target: NodeTerm) -> tuple[EdgeType, ...]:
+        """Return the edges that a word names and that can connect two terms."""
+        return tuple(edge for edge in self.edges_named(word) if self.leads(edge, origin, target))
+
+    def leads(self, edge: EdgeType, origin: NodeTerm, target: NodeTerm) -> bool:
+        """Return whether an edge can connect two terms."""
+        return any(self.fits(origin, self.end(end.name)) for end in edge.origins) and any(
+            self.fits(target, self.end(end.name)) for end in edge.targets
+        )
+
+    def climb(self, name: str, until: frozenset[NodeTerm] = frozenset()) -> tuple[frozenset[NodeTerm], frozenset[str]]:
+        """Return all possible ancestor frames of a node, including itself, and the edges with poses on the way.
+
+        The search stops at the frames in `until`.
+        """
+        pending = [NodeTerm(start=0, end=0, name=name)]
+        terms, edges = set(pending), set[str]()
+        while pending:
+            term = pending.pop()
+            for edge in self._above(term) if term not in until else ():
+                edges.add(edge.name)
+                more = {self._term(origin.name) for origin in edge.origins} - terms
+                terms |= more
+                pending.extend(more)
+        return frozenset(terms), frozenset(edges)
+
+    def _above(self, term: NodeTerm) -> tuple[EdgeType, ...]:
+        """Return the edges with poses that may lead to a node."""
+        rigid = (edge for edge in self.edges.values() if is_rigid(edge))
+        return tuple(edge for edge in rigid if any(self.fits(term, self.end(target.name)) for target in edge.targets))
+
+    def may_meet(self, one: str, other: str) -> bool:
+        """Return whether the relative pose of two nodes may be known: whether they may have a common ancestor frame."""
+        first, second = self.climb(one)[0], self.climb(other)[0]
+        return any(self.may_be(frame, another) for frame in first for another in second)
+
+    def between(self, one: str, other: str) -> tuple[str, ...]:
+        """Return the edges that may contribute to the relative pose of two nodes, in file order.
+
+        Edges above a certain common ancestor are left out, since they move both nodes together.
+        """
+        edges = self.climb(one, self._always_in(other))[1] | self.climb(other, self._always_in(one))[1]
+        return tuple(name for name in self.edges if name in edges)
+
+    def _always_in(self, name: str) -> frozenset[NodeTerm]:
+        """Return the single nodes, including itself, that are on every path from a node to a root frame."""
+        frames = self.climb(name)[0]
+        tops = {frame for frame in frames if not self._above(frame)}
+        singles = (frame for frame in frames if frame.name)
+        return frozenset(frame for frame in singles if not tops & (self.climb(name, frozenset({frame}))[0] - {frame}))
+
+    def _term(self, name: str) -> NodeTerm:
+        """Return the meaning of a name at an end of an edge as a term of a pattern."""
+        is_node = self.end(name).is_node
+        return NodeTerm(start=0, end=0, name=name if is_node else "", type="" if is_node else name)
+
+    def task_of(self, origin: NodeTerm, word: str, target: NodeTerm) -> Task | None:
+        """Return the task whose edge a step of a path is about; None if it is another edge."""
+        task = self.tasks.get(target.name)
+        is_step = task is not None and word in STATES
+        return task if is_step and task is not None and origin.name in (task.origin.name, "") else None
+
+    def starts_with(self, edge: EdgeType) -> bool:
+        """Return whether an edge exists from the start: between single nodes, and with a pose or without a writer."""
+        single = all(self.end(end.name).is_node for end in (*edge.origins, *edge.targets))
+        alone = len(edge.origins) == len(edge.targets) == 1
+        return single and alone and (edge.pose is not None or not self.writers(KnowledgeElement("edges", edge.name)))
+
+    def attributes_of(self, node: str) -> Mapping[str, tuple[KnowledgeElement, ValueType]]:
+        """Return the attributes of a node that exists from the start, by name."""
+        attributes: dict[str, tuple[KnowledgeElement, ValueType]] = {}
+        kind = self.types.get(self.type_of(node))
+        for attribute in kind.attributes if kind is not None else ():
+            attributes[attribute.name] = (KnowledgeElement("types", kind.name, attribute.name), attribute.type)  # type: ignore[union-attr]
+        for variable in self.variables.values():
+            if variable.node == node:
+                attributes[variable.name] = (KnowledgeElement("context", variable.name), variable.type)
+        task = self.tasks.get(node)
+        if task is not None:
+            results = tuple(result.name for result in task.results)
+            attributes[RESULT] = (KnowledgeElement("tasks", node), ValueType(kind=Kind.ENUM, values=results))
+        return attributes
+
+    def read(self, name: str) -> KnowledgeElement | None:
+        """Return what a name in a condition reads; None if it is unknown, or computed from poses."""
+        function, first, second = reads_of(name)
+        if function:
+            return None
+        if not first:
+            return KnowledgeElement("context", second) if second in self.variables else None
+        attribute = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if attribute is None else attribute[0]
+
+    @cached_property
+    def _types_read(self) -> dict[str, Type | None]:
+        return {}
+
+    def read_type(self, name: str) -> Type | None:
+        """Return the type of a name in a condition; None if it is unknown."""
+        if name not in self._types_read:
+            self._types_read[name] = self._read_type(name)
+        return self._types_read[name]
+
+    def _read_type(self, name: str) -> Type | None:
+        function, first, second = reads_of(name)
+        if function:
+            return _METRES if function == "distance" else BOOL
+        if not first:
+            variable = self.variables.get(second)
+            return None if variable is None else declared_type(variable.type, variable.valid_for_s)
+        attribute = self.attributes_of(first).get(second) if first in self.node_names else None
+        return None if attribute is None else declared_type(attribute[1])
+
+    def named(self, name: str) -> KnowledgeElement | None:
+        """Return the meaning of a name under `owns` or `reads`: a variable, type, edge, task or attribute."""
+        first, dot, second = name.partition(".")
+        if dot:
+            return self._attribute_named(first, second)
+        tables = (("context", self.variables), ("types", self.type_names), ("edges", self.edges), ("tasks", self.tasks))
+        return next((KnowledgeElement(section, name) for section, table in tables if name in table), None)
+
+    def _attribute_named(self, holder: str, attribute: str) -> KnowledgeElement | None:
+        kind, edge = self.types.get(holder), self.edges.get(holder)
+        for section, element in (("types", kind), ("edges", edge)):
+            if element is not None and any(declared.name == attribute for declared in element.attributes):
+                return KnowledgeElement(section, holder, attribute)
+        entry = self.attributes_of(holder).get(attribute) if holder in self.node_names else None
+        return None if entry is None else entry[0]
+
+    def elements(self) -> Iterator[KnowledgeElement]:
+        """Yield everything that can have writers, in file order."""
+        yield from (KnowledgeElement("context", name) for name in self.variables)
+        for kind in self.spec.types:
+            yield KnowledgeElement("types", kind.name)
+            yield from (KnowledgeElement("types", kind.name, attribute.name) for attribute in kind.attributes)
+        for edge in self.spec.edges:
+            yield KnowledgeElement("edges", edge.name)
+            yield from (KnowledgeElement("edges", edge.name, attribute.name) for attribute in edge.attributes)
+
+    @cached_property
+    def _claims(self) -> Mapping[KnowledgeElement, tuple[Writer, ...]]:
+        """The agents that name an element under `owns`, by element."""
+        claims: dict[KnowledgeElement, tuple[Writer, ...]] = {}
+        for agent in self.spec.agents:
+            for reference in agent.conduct.owns:
+                element = self.named(reference.name)
+                if element is not None:
+                    claims[element] = (*claims.get(element, ()), Writer(name=agent.name, place=reference.place))
+        return claims
+
+    def writers(self, element: KnowledgeElement) -> tuple[Writer, ...]:
+        """Return the writers of an element, each once: first those under `source`, then those with `owns`."""
+        claimed = self._claims.get(element, ())
+        stated = self._stated(element)
+        names = {writer.name for writer in stated}
+        return (*stated, *(writer for writer in claimed if writer.name not in names))
+
+    def _stated(self, element: KnowledgeElement) -> tuple[Writer, ...]:
+        if element.section == "context":
+            return tuple(_writer(source) for source in self.variables[element.name].sources)
+        if element.section == "tasks":
+            return (_writer(self.tasks[element.name].by),)
+        declaration = self.types.get(element.name) if element.section == "types" else self.edges.get(element.name)
+        if declaration is None:
+            return ()
+        if not element.attribute:
+            return declaration.sources
+        attribute = next(declared for declared in declaration.attributes if declared.name == element.attribute)
+        return attribute.sources or self.writers(KnowledgeElement(element.section, element.name))
+
+    def attribute(self, element: KnowledgeElement) -> Attribute:
+        """Return an attribute of a type or an edge."""
+        declaration: NodeType | EdgeType = (
+            self.types[element.name] if element.section == "types" else self.edges[element.name]
+        )
+        return next(attribute for attribute in declaration.attributes if attribute.name == element.attribute)
+
+    @cached_property
+    def owned(self) -> Mapping[str, tuple[KnowledgeElement, ...]]:
+        """By the name of each writer, the elements that it may write, in file order."""
+        owned: dict[str, dict[KnowledgeElement, None]] = {}
+        for element in self.elements():
+            for writer in self.writers(element):
+                owned.setdefault(writer.name, {})[element] = None
+        return {name: tuple(elements) for name, elements in owned.items()}
+
+    def owns(self, agent: str, element: KnowledgeElement) -> bool:
+        """Return whether an agent may write an element."""
+        return any(writer.name == agent for writer in self.writers(element))
+
+    def place_of(self, element: KnowledgeElement) -> Place:
+        """Return the place of the declaration of an element."""
+        if element.attribute:
+            return self.attribute(element).place
+        tables: Mapping[str, Mapping[str, Variable | NodeType | EdgeType | Task]] = {
+            "context": self.variables,
+            "types": self.types,
+            "edges": self.edges,
+            "tasks": self.tasks,
+        }
+        declaration = tables[element.section].get(element.name)
+        return declaration.place if declaration is not None else self._first_node(element.name).place
+
+    def _first_node(self, kind: str) -> NodeElement:
+        return next(node for node in self.spec.nodes if node.type.name == kind)
+
+    def is_there(self, path: Path) -> bool:
+        """Return whether every edge of a path exists from the start and has no writer that could remove it."""
+        return all(
+            any(
+                self.starts_with(edge) and not self.writers(KnowledgeElement("edges", edge.name))
+                for edge in self.edges_between(origin, link.edge, target)
+            )
+            for origin, link, target in path.steps()
+        )
+
+
+def is_rigid(edge: EdgeType) -> bool:
+    """Return whether the poses of an edge are rigid motions."""
+    return edge.label == RT
+
+
+_Named = TypeVar("_Named", NodeType, NodeElement, EdgeType, Task, Agent, Variable)
+
+
+def _by_name(elements: Iterable[_Named]) -> Mapping[str, _Named]:
+    by_name: dict[str, _Named] = {}
+    for element in elements:
+        by_name.setdefault(element.name, element)
+    return by_name
+
+
+def _writer(reference: Reference) -> Writer:
+    return Writer(name=reference.name, place=reference.place)

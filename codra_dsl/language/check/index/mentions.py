@@ -1,0 +1,122 @@
+"""All uses of names: every mention of a context-variable, a resource, a source or a returned value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, Site
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, UNDER_KNOWLEDGE, SpecIndex
+from codra_dsl.language.check.index.words import USERS
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.expression import Name, is_name
+from codra_dsl.language.model import Parameter, Reference, Writer
+
+
+@dataclass(frozen=True, slots=True)
+class Mention:
+    """A use of a name; `user` is the using element as messages name it. `site` is the condition that contains it."""
+
+    name: str
+    place: Place
+    user: str
+    path: str
+    site: Site | None = None
+
+
+def references(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every mention of a context-variable outside conditions."""
+    for algorithm in scope.spec.perception:
+        for reference in algorithm.given:
+            yield mention_of(reference, "perception", algorithm.name, "given")
+        for entry in algorithm.identifies:
+            yield mention_of(entry.variable, "perception", algorithm.name, "identifies")
+    for variable in scope.spec.context:
+        if variable.rate is not None:
+            yield mention_of(variable.rate.of, "context", variable.name, "rate_of")
+    for adaptation in scope.spec.adaptation:
+        if isinstance(adaptation.does, Parameter):
+            yield mention_of(adaptation.does.variable, "adaptation", adaptation.name, "set")
+    for skill in scope.spec.skills:
+        watched = [expectation.variable for expectation in skill.monitor]
+        for key, named in (("preview", skill.preview), ("monitor", watched), ("changes", skill.changes)):
+            for reference in named:
+                yield mention_of(reference, "skills", skill.name, key)
+    for observer in scope.spec.observers:
+        for reference in observer.identifies:
+            yield mention_of(reference, "observers", observer.name, "identifies")
+
+
+def resource_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every mention of a resource in an algorithm."""
+    for algorithm in scope.spec.perception:
+        for usage in algorithm.uses:
+            yield mention_of(usage.resource, "perception", algorithm.name, "uses")
+
+
+def source_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every source that must be an agent."""
+    for variable in scope.spec.context:
+        for source in variable.sources if variable.posed is None else ():
+            if source.name not in (OBSERVER, MAIN_EXECUTION):
+                yield mention_of(source, "context", variable.name, "source")
+    for writer, section, name in _writers(scope):
+        if writer.name not in (OBSERVER, MAIN_EXECUTION):
+            yield mention_of(writer, section, name, "source")
+    for task in scope.spec.tasks:
+        for key, named in (("by", (task.by,)), ("requesters", task.requesters)):
+            for reference in named:
+                if reference.name not in ("", MAIN_EXECUTION):
+                    yield mention_of(reference, "tasks", task.name, key)
+
+
+def _writers(scope: SpecIndex) -> Iterator[tuple[Writer, str, str]]:
+    """Yield the writers of knowledge that are named under `source`, with the element's section and name."""
+    elements = (("types", scope.spec.types), ("edges", scope.spec.edges))
+    for section, element in ((section, element) for section, several in elements for element in several):
+        yield from ((writer, section, element.name) for writer in element.sources)
+        for attribute in element.attributes:
+            yield from ((writer, section, element.name) for writer in attribute.sources)
+
+
+def used_variables(scope: SpecIndex) -> Iterator[str]:
+    """Yield the names of all context-variables that something refers to, declared or not."""
+    yield from (mention.name for mention in references(scope))
+    for site in scope.sites:
+        if site.role in OVER_CONTEXT:
+            yield from (name.name for name in site.names if is_name(name.name))
+
+
+def mentions_in_preconditions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every plain name in a precondition or a pattern that is not a context-variable; not `node.attribute`."""
+    for site in scope.sites:
+        if site.role in OVER_CONTEXT:
+            names = [name for name in site.names if not scope.declares("context", name.name) and is_name(name.name)]
+            yield from mentions_of(site, names)
+
+
+def mentions_of(site: Site, names: Iterable[Name]) -> Iterator[Mention]:
+    """Yield names of a condition as mentions."""
+    for name in names:
+        yield Mention(name.name, site.condition.place_of(name), user_of(*site.owner), site.path, site)
+
+
+def mention_of(reference: Reference | Writer, section: str, element: str, key: str) -> Mention:
+    """Return a name that an element has under a key as a mention."""
+    group = "knowledge." if section in UNDER_KNOWLEDGE else ""
+    return Mention(reference.name, reference.place, user_of(section, element), f"{group}{section}.{element}.{key}")
+
+
+def user_of(section: str, element: str) -> str:
+    """Return the name of an element in messages, e.g. `algorithm 'find_door'`."""
+    return f"{USERS[section]} '{element}'"
+
+
+def unknown(scope: SpecIndex, section: str, mentions: Iterable[Mention]) -> Iterator[list[Mention]]:
+    """Yield the mentions of each name that a section does not declare, in the order of their places."""
+    groups: dict[str, list[Mention]] = {}
+    for mention in mentions:
+        if not scope.declares(section, mention.name):
+            groups.setdefault(mention.name, []).append(mention)
+    for group in groups.values():
+        yield sorted(group, key=lambda mention: mention.place.span)

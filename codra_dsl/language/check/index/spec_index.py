@@ -1,0 +1,502 @@
+"""The input of every check: the spec, with its names in tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeVar
+
+from codra_dsl.language import graph
+from codra_dsl.language.behavior_trees.named import Read
+from codra_dsl.language.check.conditions.conditions import (
+    OF_LOOPS,
+    OVER_KNOWLEDGE,
+    Judgement,
+    Role,
+    Site,
+    judge,
+    parts_of,
+    sites,
+)
+from codra_dsl.language.check.conditions.types import Type, Types, declared_type
+from codra_dsl.language.check.index.corrections import Corrections
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph
+from codra_dsl.language.check.index.parsed_rules import ParsedRules
+from codra_dsl.language.check.index.words import NOUNS
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression import Name, Text, names_in, walk
+from codra_dsl.language.load.schema.misspelt import Vocabulary
+from codra_dsl.language.load.yaml.names import is_identifier
+from codra_dsl.language.model import (
+    Agent,
+    Algorithm,
+    AnyName,
+    Condition,
+    Members,
+    ObserverSetting,
+    Reference,
+    Resource,
+    Skill,
+    Spec,
+    Variable,
+)
+
+Named = TypeVar("Named", Variable, Algorithm, Skill, ObserverSetting, Resource, Agent)
+
+MAIN_EXECUTION = "main_execution"
+OBSERVER = "observer"
+
+UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
+"""The sections inside `knowledge`; the paths of their findings begin with it."""
+
+MAX_SUGGESTIONS = 25
+"""The maximum number of unknown names that are compared with all others; further ones get no suggestion."""
+
+TYPE_KEYS = ("type", "unit", "values")
+"""The keys that define the type of a variable or returned value."""
+
+NEED_KEYS = ("observable_when", "given")
+"""The keys that define what an algorithm needs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Silenced:
+    """The errors of earlier phases; later phases report nothing more about these elements.
+
+    Attributes:
+        elements: (section, name) of elements with an error.
+        suggested: the context-variables suggested for unknown names: they count as used and as identified.
+    """
+
+    elements: frozenset[tuple[str, str]] = frozenset()
+    suggested: frozenset[str] = frozenset()
+
+    def sound(self, section: str, name: str) -> bool:
+        """Return whether an element has no reported error."""
+        return (section, name) not in self.elements
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """Algorithms that share variables, directly or through others: alternatives in one tree.
+
+    Attributes:
+        algorithms: by rank, then name.
+        variables: the variables that they identify, in their order.
+    """
+
+    algorithms: tuple[Algorithm, ...]
+    variables: tuple[str, ...]
+
+    @property
+    def settled(self) -> bool:
+        """Whether the ranks of the algorithms are all different."""
+        return len({algorithm.rank for algorithm in self.algorithms}) == len(self.algorithms)
+
+    @property
+    def beyond_first(self) -> tuple[str, ...]:
+        """Return the variables that the first algorithm does not identify."""
+        first = {entry.variable.name for entry in self.algorithms[0].identifies}
+        return tuple(name for name in self.variables if name not in first)
+
+
+@dataclass(frozen=True)
+class SpecIndex:
+    """A spec with its names and conditions in tables. Each table is built on first use.
+
+    Attributes:
+        forests: the contents of the tree files that the spec names.
+        corrections: the intended names of misspelt ones, collected while checks run.
+    """
+
+    spec: Spec
+    forests: Mapping[str, Read] = field(default_factory=dict, compare=False)
+    corrections: Corrections = field(default_factory=Corrections, compare=False)
+    _names: dict[str, frozenset[str]] = field(default_factory=dict, compare=False)
+    _near: dict[tuple[str, str], str | None] = field(default_factory=dict, compare=False)
+    _lowered: dict[tuple[int, int], str] = field(default_factory=dict, compare=False)
+
+    @cached_property
+    def variables(self) -> Mapping[str, Variable]:
+        """The declared context-variables C_M, by name."""
+        return _by_name(self.spec.context)
+
+    @cached_property
+    def algorithms(self) -> Mapping[str, Algorithm]:
+        """The perception algorithms by name."""
+        return _by_name(self.spec.perception)
+
+    @cached_property
+    def resources(self) -> Mapping[str, Resource]:
+        """The resources by name."""
+        return _by_name(self.spec.resources)
+
+    @cached_property
+    def agents(self) -> Mapping[str, Agent]:
+        """The agents by name."""
+        return _by_name(self.spec.agents)
+
+    @cached_property
+    def world(self) -> DeclaredGraph:
+        """The knowledge graph."""
+        return DeclaredGraph(self.spec)
+
+    @cached_property
+    def book(self) -> ParsedRules:
+        """The fuzzy rules."""
+        return ParsedRules(self.spec)
+
+    @cached_property
+    def producers(self) -> Mapping[str, tuple[str, ...]]:
+        """For each variable that has algorithms: their names by rank, then name."""
+        algorithms_of: dict[str, list[Algorithm]] = {}
+        for algorithm in self.algorithms.values():
+            for name in dict.fromkeys(entry.variable.name for entry in algorithm.identifies):
+                algorithms_of.setdefault(name, []).append(algorithm)
+        ranked = {
+            name: sorted(algorithms, key=lambda algorithm: (algorithm.rank, algorithm.name))
+            for name, algorithms in algorithms_of.items()
+        }
+        return {name: tuple(algorithm.name for algorithm in algorithms) for name, algorithms in ranked.items()}
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The groups of alternatives, in file order; most have one algorithm."""
+        shares: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        for names in self.producers.values():
+            for one, other in pairwise(names):
+                shares[one].append(other)
+                shares[other].append(one)
+        group_by_name: dict[str, Group] = {}
+        for name in self.algorithms:
+            if name not in group_by_name:
+                names = graph.closure(shares, [name])
+                group_by_name |= dict.fromkeys(names, self._group(names))
+        return tuple(dict.fromkeys(group_by_name.values()))
+
+    @cached_property
+    def group_of(self) -> Mapping[str, Group]:
+        """The group that identifies each variable."""
+        return {name: group for group in self.groups for name in group.variables}
+
+    @cached_property
+    def claims(self) -> Mapping[str, tuple[ObserverSetting, Reference]]:
+        """For each variable under `observers`: the first entry that names it, and the reference."""
+        first_claims: dict[str, tuple[ObserverSetting, Reference]] = {}
+        for setting in self.spec.observers:
+            for reference in setting.identifies:
+                first_claims.setdefault(reference.name, (setting, reference))
+        return first_claims
+
+    @cached_property
+    def _sections(self) -> Mapping[str, frozenset[str]]:
+        return {
+            "context": frozenset(name for name, variable in self.variables.items() if variable.posed is None),
+            "resources": frozenset(self.resources),
+            "agents": frozenset(self.agents),
+            **self.world.sections,
+            "skills": frozenset(skill.name for skill in self.spec.skills),
+            "perception": frozenset(self.algorithms),
+            "observers": frozenset(observer.name for observer in self.spec.observers),
+            "metrics": frozenset(metric.name for metric in self.spec.metrics),
+            "actions": frozenset(action.name for action in self.spec.actions),
+            "adaptation": frozenset(adaptation.name for adaptation in self.spec.adaptation),
+            "trees": frozenset(tree.name for tree in self.spec.trees),
+            "loops": frozenset(loop.name for loop in self.spec.loops),
+        }
+
+    def names(self, section: str) -> frozenset[str]:
+        """Return the names of a section's elements, including elements that could not be read."""
+        if section not in self._names:
+            unread = self.spec.damaged.get(section, frozenset())
+            self._names[section] = self._sections[section].union(name for name in unread if name.isidentifier())
+        return self._names[section]
+
+    def declares(self, section: str, name: str) -> bool:
+        """Return whether a section has such an element, damaged or not."""
+        return name in self._sections[section] or name in self.spec.damaged.get(section, ())
+
+    def readable(self, section: str, name: str, *keys: str) -> bool:
+        """Return whether all these keys of an element could be read."""
+        return self.spec.damaged_keys.get((section, name), frozenset()).isdisjoint(keys)
+
+    def lost(self, section: str, *keys: str) -> bool:
+        """Return whether elements of a section, or these keys of one, could not be read, so that they are unknown."""
+        unread = self.spec.damaged.get(section, frozenset())
+        if isinstance(unread, AnyName) or not self._sections[section].issuperset(unread):
+            return True
+        return any(not self.readable(section, name, *keys) for name in unread)
+
+    def nameless(self, section: str) -> int:
+        """Return how many elements of a section have invalid names, so that their intended names are unknown."""
+        return sum(1 for name in self.spec.damaged.get(section, ()) if not is_identifier(name))
+
+    @cached_property
+    def undeclared_names(self) -> frozenset[str]:
+        """The undeclared names that algorithms identify or need, or that skills and observers name."""
+        named = [entry.variable for algorithm in self.spec.perception for entry in algorithm.identifies]
+        named += [reference for algorithm in self.spec.perception for reference in algorithm.given]
+        named += [reference for setting in self.spec.observers for reference in setting.identifies]
+        referenced = {reference.name for reference in named}
+        referenced.update(name for skill in self.spec.skills for name in watched_by(skill))
+        referenced.update(name for names in self.needs.values() for name in names)
+        return frozenset(
+            name for name in referenced if name not in self.variables and not self.declares("context", name)
+        )
+
+    @cached_property
+    def owner_of_member(self) -> Mapping[str, str]:
+        """For each member of an enum, a context-variable that has it."""
+        return {member: variable.name for variable in self.spec.context[::-1] for member in variable.type.values}
+
+    @cached_property
+    def parameters(self) -> frozenset[str]:
+        """The names of all parameters of templates, without the name of the use."""
+        return frozenset(parameter.name for template in self.spec.templates for parameter in template.parameters)
+
+    @cached_property
+    def vocabulary(self) -> Vocabulary:
+        """The words of all declared names and texts of the spec."""
+        return Vocabulary(_texts(self.spec))
+
+    @cached_property
+    def used_values(self) -> Mapping[str, frozenset[str]]:
+        """For each algorithm, the names in all conditions over its returned values."""
+        used: dict[str, set[str]] = {name: set() for name in self.algorithms}
+        for site in self.sites:
+            if site.role in (Role.ACCEPT_WHEN, Role.IDENTIFIES):
+                used[site.owner[1]].update(name.name for name in site.names)
+        return {name: frozenset(names) for name, names in used.items()}
+
+    def other_kind(self, name: str, wanted: str) -> str | None:
+        """Return the kind of element that has a name in another section than `wanted`; None if there is none."""
+        return next((NOUNS[section] for section in NOUNS if section != wanted and self.declares(section, name)), None)
+
+    def nearest(self, name: str, kind: str, candidates: Iterable[str]) -> str | None:
+        """Return the most likely candidate for an unknown name; `kind` is the key of the set of candidates."""
+        if (name, kind) not in self._near:
+            limited = len(self._near) >= MAX_SUGGESTIONS
+            self._near[name, kind] = None if limited else suggest(name, candidates)
+        return self._near[name, kind]
+
+    @cached_property
+    def context_types(self) -> Types:
+        """The type of each context-variable and of each reading of poses; None if its declaration is wrong."""
+        posed = (variable.posed.tree for variable in self.spec.context if variable.posed is not None)
+        readings = {name.name: self.world.read_type(name.name) for tree in posed for name in names_in(tree)}
+        unread = dict.fromkeys(sorted(self.spec.damaged.get("context", ())), None)
+        return (
+            unread
+            | readings
+            | {
+                name: declared_type(variable.type, variable.valid_for_s)
+                if self.readable("context", name, *TYPE_KEYS)
+                else None
+                for name, variable in self.variables.items()
+            }
+        )
+
+    @cached_property
+    def returned_types(self) -> Mapping[str, Types]:
+        """For each algorithm, the type of each value that it returns; None if its declaration is wrong."""
+        types_of: dict[str, Types] = {}
+        # equal types share one mapping, so that conditions over the same types can be compared by identity
+        alike: dict[tuple[object, ...], Types] = {}
+        for name, algorithm in self.algorithms.items():
+            types = {
+                returned.name: declared_type(returned.type)
+                if self.readable("perception", name, "returns", f"returns.{returned.name}")
+                else None
+                for returned in algorithm.returns
+            }
+            types_of[name] = alike.setdefault(
+                tuple((returned, id(declared)) for returned, declared in types.items()), types
+            )
+        return types_of
+
+    @cached_property
+    def sites(self) -> tuple[Site, ...]:
+        """Every condition of the spec that could be read."""
+        return tuple(sites(self.spec))
+
+    @cached_property
+    def needs(self) -> Mapping[str, tuple[str, ...]]:
+        """For each algorithm, C_Oi: the context-variables that it reads before it starts, each once, in order."""
+        names_needed: dict[str, list[str]] = {name: [] for name in self.algorithms}
+        for site in self.sites:
+            if site.role is Role.OBSERVABLE_WHEN:
+                names_needed[site.owner[1]] += (name.name for name in site.names)
+        for name, algorithm in self.algorithms.items():
+            names_needed[name] += (reference.name for reference in algorithm.given)
+        return {name: tuple(dict.fromkeys(names)) for name, names in names_needed.items()}
+
+    @cached_property
+    def trees(self) -> Mapping[str, tuple[str, ...]]:
+        """For each variable with algorithms: the variables in force with it, which its tree identifies or needs."""
+        in_force: dict[str, tuple[str, ...]] = {}
+        for group in self.groups:
+            needs = dict.fromkeys(name for algorithm in group.algorithms for name in self.needs[algorithm.name])
+            in_force |= dict.fromkeys(group.variables, (*group.variables, *needs))
+        for setting in self.spec.observers:
+            joined = tuple(reference.name for reference in setting.identifies)
+            in_force |= {name: (*in_force[name], *joined) for name in joined if name in in_force}
+        return in_force
+
+    @cached_property
+    def decisions(self) -> tuple[str, ...]:
+        """The variables that decisions are based on, from which Algorithm 2 starts (P1, its line 3)."""
+        if not self.spec.skills:
+            return tuple(name for name in self.variables if name in self.producers)
+        named = [name for skill in self.spec.skills for name in watched_by(skill)]
+        named += sorted(name for name in self.read_by_loops | self.waking if name in self.producers)
+        return tuple(name for name in dict.fromkeys(named) if name in self.variables)
+
+    @cached_property
+    def read_by_loops(self) -> frozenset[str]:
+        """The variables that rules and conditions of loops read, and the variables whose rates they read."""
+        conditions = {name.name for site in self.sites if site.role in OF_LOOPS for name in site.names}
+        return self.book.followed(conditions)
+
+    @cached_property
+    def waking(self) -> frozenset[str]:
+        """The variables that wake agents."""
+        names = (name.name for site in self.sites if site.role is Role.WAKES for name in site.names)
+        read = (self.world.read(name) for name in names)
+        return frozenset(element.name for element in read if element is not None and element.section == "context")
+
+    @cached_property
+    def reached(self) -> frozenset[str]:
+        """The variables in force when all decisions are declared. Use it only after all names are checked."""
+        return frozenset(graph.closure(self.trees, (*self.decisions, *sorted(self.suggested))))
+
+    @cached_property
+    def mentioned(self) -> frozenset[str]:
+        """Every name and quoted text that something refers to: a declaration with such a name is rarely misspelt."""
+        mentioned = {source.name for variable in self.spec.context for source in variable.sources}
+        for algorithm in self.spec.perception:
+            mentioned.update(usage.resource.name for usage in algorithm.uses)
+            mentioned.update(reference.name for reference in algorithm.given)
+            mentioned.update(entry.variable.name for entry in algorithm.identifies)
+            cases = (entry.by.cases for entry in algorithm.identifies if isinstance(entry.by, Members))
+            mentioned.update(member.name for several in cases for member, _ in several)
+        for skill in self.spec.skills:
+            mentioned.update(name for name in watched_by(skill))
+            mentioned.update(reference.name for reference in skill.changes)
+        for observer in self.spec.observers:
+            mentioned.update(reference.name for reference in observer.identifies)
+        for tree in (site.condition.tree for site in self.sites):
+            parts = walk(tree) if tree is not None else ()
+            mentioned.update(
+                part.name if isinstance(part, Name) else part.value for part in parts if isinstance(part, Name | Text)
+            )
+        return frozenset(mentioned)
+
+    @cached_property
+    def judgements(self) -> Mapping[int, Judgement]:
+        """The judgement of each condition, by the identity of the condition."""
+        judged: dict[tuple[object, ...], Judgement] = {}
+        return {id(site.condition): self._judge(site, judged) for site in self.sites}
+
+    def shape_over_results(self, algorithm: Algorithm, faults: Silenced) -> object:
+        """Return a key for how an algorithm uses its result, without names and places: equal if the use is equal.
+
+        Trees and types are compared by identity: conditions with the same text share their tree, and equal declarations
+        share their type.
+        """
+        accepted = tuple([id(condition.tree) for condition in algorithm.accept_when])
+        identified = tuple(
+            [
+                (
+                    type(entry.by),
+                    id(self.context_types.get(entry.variable.name)),
+                    entry.variable.name in self.variables and faults.sound("context", entry.variable.name),
+                    *[id(condition.tree) for condition in parts_of(entry)],
+                )
+                for entry in algorithm.identifies
+            ]
+        )
+        optional = tuple([returned.optional for returned in algorithm.returns])
+        return id(self.returned_types[algorithm.name]), accepted, identified, optional
+
+    def python(self, condition: Condition, wanted: Type | None) -> str:
+        """Return a sound condition as Python text, a number in the unit of the variable that gets it."""
+        judgement = self.judgements[id(condition)]
+        key = (id(judgement.typed), id(wanted))  # equal conditions share their typed tree
+        if key not in self._lowered:
+            self._lowered[key] = judgement.python(wanted)
+        return self._lowered[key]
+
+    def judgement(self, condition: Condition) -> Judgement | None:
+        """Return the judgement of a condition, or None if it could not be read."""
+        return self.judgements.get(id(condition))
+
+    def wanted(self, site: Site) -> Type | None:
+        """Return the type of the context-variable that a condition identifies, sets or monitors."""
+        return None if site.variable is None else self.context_types.get(site.variable)
+
+    @property
+    def suggested(self) -> frozenset[str]:
+        """The context-variables suggested so far for unknown names."""
+        return frozenset(near for (_, kind), near in self._near.items() if near is not None and kind == "context")
+
+    def _group(self, names: Iterable[str]) -> Group:
+        ranked = tuple(
+            sorted((self.algorithms[name] for name in names), key=lambda algorithm: (algorithm.rank, algorithm.name))
+        )
+        entries = (entry for algorithm in ranked for entry in algorithm.identifies)
+        return Group(ranked, tuple(dict.fromkeys(entry.variable.name for entry in entries)))
+
+    def _judge(self, site: Site, judged: dict[tuple[object, ...], Judgement]) -> Judgement:
+        """Return the judgement of a condition; `judged` caches sound ones by tree and types."""
+        tree = site.condition.tree
+        assert tree is not None
+        wanted = self.wanted(site)
+        if site.role is Role.OBSERVABLE_WHEN or site.role in OF_LOOPS:
+            seen = self.context_types
+        elif site.role in OVER_KNOWLEDGE:
+            seen = {
+                name.name: self.context_types.get(name.name, self.world.read_type(name.name)) for name in site.names
+            }
+        elif site.role is Role.MONITOR and site.variable is not None:
+            seen = {site.variable: wanted}
+        else:
+            seen = self.returned_types[site.owner[1]]
+        types = (id(seen.get(name.name)) for name in site.names)
+        key = (id(tree), site.role, site.result, id(wanted), *types)
+        sound = judged.get(key)
+        if sound is not None:
+            return Judgement(site, sound.typed, ())
+        judgement = judge(site, tree, seen, wanted)
+        if not judgement.problems:
+            judged[key] = judgement
+        return judgement
+
+
+def watched_by(skill: Skill) -> Iterator[str]:
+    """Yield the variables that a skill previews, then those that it monitors."""
+    yield from (reference.name for reference in skill.preview)
+    yield from (expectation.variable.name for expectation in skill.monitor)
+
+
+def _by_name(elements: Iterable[Named]) -> Mapping[str, Named]:
+    """Return elements by name; the first one if a name is declared twice, which `load` reports."""
+    by_name: dict[str, Named] = {}
+    for element in elements:
+        by_name.setdefault(element.name, element)
+    return by_name
+
+
+def _texts(spec: Spec) -> Iterator[str]:
+    for variable in spec.context:
+        yield from (variable.name, variable.label, variable.description, *variable.type.values)
+    for algorithm in spec.perception:
+        yield from (algorithm.name, algorithm.call, *(name for name, _ in algorithm.parameters))
+        yield from (text for _, text in algorithm.parameters if isinstance(text, str))
+        for returned in algorithm.returns:
+            yield from (returned.name, *returned.type.values)
+    yield from (skill.name for skill in spec.skills)
+    yield from (setting.name for setting in spec.observers)
+    yield from (resource.name for resource in spec.resources)
+    yield from (agent.name for agent in spec.agents)

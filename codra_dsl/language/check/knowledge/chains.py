@@ -1,0 +1,302 @@
+"""Phase 4 for rules: each can begin, because something can make its `before` patterns true (P2, section 3.1).
+
+Declared nodes and edges exist from the start, and an agent without rules may write anything that it owns at any time.
+If the rules of an agent mention something, the agent changes it only by these rules. A rule can begin once all its
+`before` patterns can be true. The rules that can begin are the least fixed point of this.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from codra_dsl.language import graph
+from codra_dsl.language.check.conditions.conditions import Role
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns_in, steps
+from codra_dsl.language.check.knowledge.owners import is_complete, may_write
+from codra_dsl.language.check.solver.satisfiable import can_hold
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.expression import Path
+from codra_dsl.language.model import Agent, AgentRule, EdgeType, Task, TaskState
+
+
+def unreachable_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The `before` patterns of each rule, and the `wakes` patterns of each agent, can become true."""
+    if not is_complete(scope, faults):
+        return
+    chains = _Chains(scope.world)
+    stuck = [rule for rule in chains.rules if chains.missing(rule, chains.everything) is not None]
+    for rule in stuck:
+        yield _never(scope.world, rule, chains)
+    for agent in scope.spec.agents:
+        yield from _asleep(scope.world, agent, chains)
+    yield from _circles(chains, frozenset(rule.name for rule in stuck))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rule:
+    """A rule with its patterns."""
+
+    agent: Agent
+    rule: AgentRule
+
+    @property
+    def name(self) -> str:
+        """Return a name that no other rule has."""
+        return f"{self.agent.name}.{self.rule.name}"
+
+    @property
+    def label(self) -> str:
+        """Return its name in messages."""
+        return f"rule '{self.rule.name}' of agent '{self.agent.name}'"
+
+    @cached_property
+    def before(self) -> tuple[Pattern, ...]:
+        """The patterns that it needs."""
+        return tuple(pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is Role.BEFORE)
+
+    @cached_property
+    def effects(self) -> tuple[Pattern, ...]:
+        """The patterns that it makes true: those of `during` and `after`, without negated paths."""
+        later = (pattern for pattern in patterns_in(self.agent, self.rule) if pattern.role is not Role.BEFORE)
+        return tuple(pattern for pattern in later if not (isinstance(pattern.tree, Path) and pattern.tree.negated))
+
+
+_Startable = frozenset[str]
+"""The names of rules that can begin."""
+
+
+@dataclass(frozen=True)
+class _Chains:
+    """Finds the rules that make patterns of other rules true."""
+
+    world: DeclaredGraph
+    _sources: dict[int, tuple[tuple[_Rule, ...], ...] | None] = field(default_factory=dict)
+
+    @cached_property
+    def rules(self) -> tuple[_Rule, ...]:
+        """All rules, in file order."""
+        return tuple(_Rule(agent, rule) for agent in self.world.spec.agents for rule in agent.conduct.rules)
+
+    @cached_property
+    def everything(self) -> _Startable:
+        """All rules, as if every one could begin."""
+        return frozenset(rule.name for rule in self.rules)
+
+    def startable(self, given: _Startable) -> _Startable:
+        """Return the rules that can begin, if the given ones can."""
+        startable = given
+        while True:
+            more = frozenset(rule.name for rule in self.rules if self.missing(rule, startable) is None) | startable
+            if more == startable:
+                return startable
+            startable = more
+
+    def missing(self, rule: _Rule, startable: _Startable) -> Pattern | None:
+        """Return the first `before` pattern that cannot become true if only the `startable` rules can begin."""
+        return next((pattern for pattern in rule.before if not self.possible(pattern, startable)), None)
+
+    def possible(self, pattern: Pattern, startable: _Startable) -> bool:
+        """Return whether a pattern can become true if only the `startable` rules can begin."""
+        needed = self._needed(pattern)
+        return needed is not None and all(
+            not several or any(rule.name in startable for rule in several) for several in needed
+        )
+
+    def makers(self, pattern: Pattern) -> Iterator[_Rule]:
+        """Yield the rules of which one is required to make a pattern, or a part of it, true."""
+        for several in self._needed(pattern) or ():
+            yield from several
+
+    def _needed(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+        """Return, for each part of a pattern, the rules of which one must act; () if other writers can make it true.
+
+        Return None if nothing can make a part true.
+        """
+        key = id(pattern.condition)
+        if key not in self._sources:
+            self._sources[key] = self._find_needed(pattern)
+        return self._sources[key]
+
+    def _find_needed(self, pattern: Pattern) -> tuple[tuple[_Rule, ...], ...] | None:
+        if not isinstance(pattern.tree, Path):
+            makers = self._makers_of_condition(pattern)
+            return None if makers is None else (makers,)
+        if pattern.tree.negated:
+            return None if self.world.is_there(pattern.tree) else ()
+        makers_of_steps = [self._makers_of_step(step) for step in steps(pattern)]
+        return (
+            None
+            if any(rules is None for rules in makers_of_steps)
+            else tuple(rules for rules in makers_of_steps if rules is not None)
+        )
+
+    def _makers_of_step(self, step: Step) -> tuple[_Rule, ...] | None:
+        """Return the rules of which one must act before an edge exists; () if it may exist without them."""
+        task = self.world.task_of(step.origin, step.link.edge, step.target)
+        if task is not None:
+            if step.link.edge == TaskState.ABORTED:  # a deadline can always abort a task
+                return ()
+            writers = may_write(task, step.link.edge)
+            return self._makers(writers, lambda effect: self._is_state_of(effect, task, step.link.edge), lambda _: True)
+        if step.link.edge in {state.value for state in TaskState}:
+            return ()
+        makers_of_edges: list[_Rule] = []
+        for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
+            names = [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
+            makers = self._makers(names, _draws(self.world, edge), lambda effect: self._meets(effect, step))
+            if self.world.starts_with(edge) or makers == ():
+                return ()
+            makers_of_edges += makers or ()
+        return tuple(dict.fromkeys(makers_of_edges)) or None
+
+    def _is_state_of(self, step: Step, task: Task, state: str) -> bool:
+        named = self.world.task_of(step.origin, step.link.edge, step.target)
+        return named is task and step.link.edge == state
+
+    def _meets(self, effect: Step, step: Step) -> bool:
+        may_be = self.world.may_be
+        return may_be(effect.origin, step.origin) and may_be(effect.target, step.target)
+
+    def _makers(
+        self, writers: Sequence[str], concerns: Callable[[Step], bool], fits: Callable[[Step], bool]
+    ) -> tuple[_Rule, ...] | None:
+        """Return the rules that make something true; () if a writer has no rule about it, None if no rule does."""
+        makers: list[_Rule] = []
+        for writer in writers:
+            effects = [
+                (rule, step)
+                for rule in self.rules
+                if rule.agent.name == writer
+                for effect in rule.effects
+                for step in steps(effect)
+                if concerns(step)
+            ]
+            if not effects:
+                return ()
+            makers += [rule for rule, step in effects if fits(step)]
+        return tuple(dict.fromkeys(makers)) or None
+
+    def _makers_of_condition(self, pattern: Pattern) -> tuple[_Rule, ...] | None:
+        """Return the rules of which one must act before a condition over one value can hold; () if none is required."""
+        names = {name.name for name in names_read(pattern)}
+        name = names.pop() if len(names) == 1 else ""
+        element = self.world.read(name) if name else None
+        if element is None or any(
+            value.name == element.attribute for node in self.world.spec.nodes for value in node.values
+        ):
+            return ()
+        types = {name: self.world.read_type(name)}
+        if not can_hold([pattern.tree], (), types):  # reported as a contradiction
+            return ()
+        if element.section == "context" and not self.world.writers(element):  # an observer may identify it at any time
+            return ()
+        makers: list[_Rule] = []
+        for writer in self.world.writers(element):
+            effects = [
+                (rule, effect)
+                for rule in self.rules
+                if rule.agent.name == writer.name
+                for effect in rule.effects
+                if {read.name for read in names_read(effect)} == {name}
+            ]
+            if not effects:
+                return ()
+            makers += [rule for rule, effect in effects if can_hold([effect.tree, pattern.tree], (), types)]
+        return tuple(dict.fromkeys(makers)) or None
+
+    def writers(self, pattern: Pattern) -> Iterable[str]:
+        """Return the writers of the elements that a pattern names."""
+        names: list[str] = []
+        for step in steps(pattern):
+            task = self.world.task_of(step.origin, step.link.edge, step.target)
+            names += may_write(task, step.link.edge) if task is not None else ()
+            for edge in self.world.edges_between(step.origin, step.link.edge, step.target):
+                names += [writer.name for writer in self.world.writers(KnowledgeElement("edges", edge.name))]
+        for name in names_read(pattern):
+            element = self.world.read(name.name)
+            names += [writer.name for writer in self.world.writers(element)] if element is not None else ()
+        return dict.fromkeys(names)
+
+
+def _draws(world: DeclaredGraph, edge: EdgeType) -> Callable[[Step], bool]:
+    """Return a function that decides whether a step is about an edge of a type."""
+    return lambda step: edge in world.edges_between(step.origin, step.link.edge, step.target)
+
+
+def _never(world: DeclaredGraph, rule: _Rule, chains: _Chains) -> Diagnostic:
+    pattern = chains.missing(rule, chains.everything)
+    assert pattern is not None
+    return _unmet(world, pattern, chains, f"{rule.label} never begins")
+
+
+def _asleep(world: DeclaredGraph, agent: Agent, chains: _Chains) -> Iterator[Diagnostic]:
+    """Yield the findings about patterns that never wake an agent."""
+    wakes = [
+        Pattern(agent, Role.WAKES, None, condition, condition.tree)
+        for condition in agent.conduct.wakes
+        if condition.tree is not None
+    ]
+    for pattern in wakes:
+        if not chains.possible(pattern, chains.everything):
+            yield _unmet(world, pattern, chains, f"this pattern never wakes agent '{agent.name}'")
+
+
+def _unmet(world: DeclaredGraph, pattern: Pattern, chains: _Chains, what: str) -> Diagnostic:
+    if isinstance(pattern.tree, Path) and pattern.tree.negated:
+        message = f"{what}: '{pattern.condition.text}' is false from the start, and no agent removes these edges"
+        help = "name an agent that removes them under 'source', or change the pattern"
+    else:
+        who = " and ".join(f"'{name}'" for name in chains.writers(pattern)) or "an agent"
+        message = f"{what}: nothing makes '{pattern.condition.text}' true"
+        help = f"add it under 'during' or 'after' of a rule of {who}, or change the pattern"
+    related = tuple(
+        Related("declared here", edge.place)
+        for step in steps(pattern)
+        for edge in world.edges_between(step.origin, step.link.edge, step.target)
+    )
+    place = pattern.condition.place
+    return finding("unreachable-rule", message, place, path=pattern.path, help=help, related=related)
+
+
+def _circles(chains: _Chains, stuck: _Startable) -> Iterator[Diagnostic]:
+    """Yield findings about rules that wait for each other, each cycle once."""
+    startable = chains.startable(stuck)
+    left = {rule.name: rule for rule in chains.rules if rule.name not in startable}
+    waits = {name: _awaited(chains, rule, startable, left) for name, rule in left.items()}
+    for names in graph.strong_components(waits):
+        cycle = graph.shortest_cycle({name: tuple(need for need in waits[name] if need in names) for name in names})
+        circle = [left[name] for name in cycle]
+        pattern = chains.missing(circle[0], startable)
+        assert pattern is not None
+        shown = " -> ".join((*cycle, cycle[0]))
+        yield finding(
+            "unreachable-rule",
+            f"rules wait for each other, so they never begin: {shown}",
+            pattern.condition.place,
+            path=pattern.path,
+            help="let one of them begin without the others, or let another agent make its 'before' patterns true",
+            related=tuple(_related(chains, rule, startable) for rule in circle[1:]),
+        )
+
+
+def _awaited(chains: _Chains, rule: _Rule, startable: _Startable, left: Iterable[str]) -> tuple[str, ...]:
+    """Return the rules in `left` that a rule waits for."""
+    unmet = [pattern for pattern in rule.before if not chains.possible(pattern, startable)]
+    return tuple(
+        dict.fromkeys(maker.name for pattern in unmet for maker in chains.makers(pattern) if maker.name in left)
+    )
+
+
+def _related(chains: _Chains, rule: _Rule, startable: _Startable) -> Related:
+    pattern = chains.missing(rule, startable)
+    assert pattern is not None
+    return Related(f"{rule.label} waits for this", pattern.condition.place)
+
+
+CHAINS = (unreachable_rules,)
+"""The rules of this subject."""

@@ -1,0 +1,152 @@
+"""All uses of names of knowledge: every mention of a type, node, edge or attribute, and the patterns of agents."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from codra_dsl.language.check.conditions.conditions import Role
+from codra_dsl.language.check.index.mentions import Mention, mention_of, user_of
+from codra_dsl.language.check.index.spec_index import SpecIndex
+from codra_dsl.language.expression import EdgeTerm, Name, Node, NodeTerm, Path, names_in, reads_of, walk
+from codra_dsl.language.model import Agent, AgentRule, Condition, Posed
+
+
+@dataclass(frozen=True, slots=True)
+class Pattern:
+    """A pattern and its position in the spec.
+
+    Attributes:
+        rule: the rule that contains it; None for a pattern of `wakes`.
+        tree: the syntax tree of `condition`, which could be read.
+    """
+
+    agent: Agent
+    role: Role
+    rule: AgentRule | None
+    condition: Condition
+    tree: Node
+
+    @property
+    def path(self) -> str:
+        """Return the path of its key."""
+        within = f".rules.{self.rule.name}" if self.rule is not None else ""
+        return f"agents.{self.agent.name}{within}.{self.role}"
+
+    @property
+    def user(self) -> str:
+        """Return the agent's name in messages."""
+        return f"agent '{self.agent.name}'"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """An edge of a path in a pattern, with the nodes at its ends."""
+
+    pattern: Pattern
+    origin: NodeTerm
+    link: EdgeTerm
+    target: NodeTerm
+
+
+def patterns(scope: SpecIndex) -> Iterator[Pattern]:
+    """Yield every pattern that could be read."""
+    for agent in scope.spec.agents:
+        yield from patterns_of(agent)
+
+
+def patterns_of(agent: Agent) -> Iterator[Pattern]:
+    """Yield every pattern of an agent that could be read."""
+    wakes = agent.conduct.wakes
+    yield from (
+        Pattern(agent, Role.WAKES, None, condition, condition.tree) for condition in wakes if condition.tree is not None
+    )
+    for rule in agent.conduct.rules:
+        yield from patterns_in(agent, rule)
+
+
+def patterns_in(agent: Agent, rule: AgentRule) -> Iterator[Pattern]:
+    """Yield every pattern of a rule that could be read."""
+    for role, several in ((Role.BEFORE, rule.before), (Role.DURING, rule.during), (Role.AFTER, rule.after)):
+        yield from (
+            Pattern(agent, role, rule, condition, condition.tree) for condition in several if condition.tree is not None
+        )
+
+
+def steps(pattern: Pattern) -> Iterator[Step]:
+    """Yield the edges of a pattern that is a path."""
+    if isinstance(pattern.tree, Path):
+        yield from (Step(pattern, *step) for step in pattern.tree.steps())
+
+
+def names_read(pattern: Pattern) -> Iterator[Name]:
+    """Yield the names in a pattern that is a condition."""
+    if not isinstance(pattern.tree, Path):
+        yield from (part for part in walk(pattern.tree) if isinstance(part, Name))
+
+
+def mention(pattern: Pattern, name: str, part: Node) -> Mention:
+    """Return a name in a pattern as a mention."""
+    return Mention(name, pattern.condition.place_of(part), pattern.user, pattern.path)
+
+
+def type_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every name in patterns that can only be the name of a type."""
+    for pattern in patterns(scope):
+        for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
+            if term.type:
+                yield mention(pattern, term.type, _last_word(pattern, term))
+
+
+def _last_word(pattern: Pattern, term: NodeTerm) -> Node:
+    """Return the place of the type in `some TYPE as NAME`."""
+    written = pattern.condition.text[term.start : term.end]
+    start = term.start + written.index(term.type, len("some"))
+    return Node(start=start, end=start + len(term.type))
+
+
+def node_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every name that can only be the name of a node."""
+    for variable in scope.spec.context:
+        if "of" in variable.places:
+            place = variable.places["of"]
+            yield Mention(variable.node, place, user_of("context", variable.name), f"context.{variable.name}.of")
+        if variable.posed is not None:
+            yield from _nodes_with_poses(variable.posed)
+    for task in scope.spec.tasks:
+        if task.origin.name:
+            yield mention_of(task.origin, "tasks", task.name, "from")
+    for pattern in patterns(scope):
+        for term in pattern.tree.terms if isinstance(pattern.tree, Path) else ():
+            if term.name:
+                yield mention(pattern, term.name, term)
+        for name in names_read(pattern):
+            function, first, second = reads_of(name.name)
+            if function:
+                yield from (mention(pattern, node_name, name) for node_name in (first, second))
+            elif first:
+                node = Node(start=name.start, end=name.start + len(first))
+                yield mention(pattern, first, node)
+
+
+def _nodes_with_poses(posed: Posed) -> Iterator[Mention]:
+    """Yield the nodes whose poses a comparison reads."""
+    section, element, _ = posed.owner
+    for name in names_in(posed.tree):
+        for node in reads_of(name.name)[1:]:
+            yield Mention(node, posed.said.place_of(name), user_of(section, element), ".".join(posed.owner))
+
+
+def end_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every name at an end of an edge: of a type or of a node, as declared."""
+    for edge in scope.spec.edges:
+        yield from (mention_of(origin, "edges", edge.name, "from") for origin in edge.origins)
+        yield from (mention_of(target, "edges", edge.name, "to") for target in edge.targets)
+
+
+def edge_mentions(scope: SpecIndex) -> Iterator[Mention]:
+    """Yield every edge that a pattern names."""
+    for pattern in patterns(scope):
+        for step in steps(pattern):
+            start = step.link.start + pattern.condition.text[step.link.start : step.link.end].index(step.link.edge)
+            yield mention(pattern, step.link.edge, Node(start=start, end=start + len(step.link.edge)))

@@ -1,0 +1,291 @@
+"""Phase 2 for knowledge: every element has a writer, several writers have priorities, and rules write own elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.language.check.conditions.conditions import Role
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.knowledge.mentions import Pattern, Step, names_read, patterns, patterns_of, steps
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression import NodeTerm, Path, reads_of
+from codra_dsl.language.model import Agent, Task, TaskState, Writer
+
+_SECTIONS = ("context", "types", "nodes", "edges", "tasks", "agents")
+
+
+def is_complete(scope: SpecIndex, faults: Silenced) -> bool:
+    """Return whether knowledge is declared, could be read completely, and has no wrong names."""
+    if not scope.spec.knows or any(scope.spec.damaged.get(section) for section in _SECTIONS):
+        return False
+    return not any(section in _SECTIONS for section, _ in faults.elements)
+
+
+def two_owners(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Several writers of the same element have priorities; for a context-variable, the newest evidence counts."""
+    if not is_complete(scope, faults):
+        return
+    reported: set[Place] = set()
+    for element in scope.world.elements():
+        writers = scope.world.writers(element)
+        unranked = [writer for writer in writers if writer.priority is None]
+        if element.section == "context" or len(writers) < 2 or not unranked or unranked[-1].place in reported:
+            continue
+        reported.add(unranked[-1].place)  # attributes without an own source have the sources of their type or edge
+        yield _unranked(scope.world, element, writers, unranked[-1])
+
+
+def _unranked(
+    world: DeclaredGraph, element: KnowledgeElement, writers: tuple[Writer, ...], offender: Writer
+) -> Diagnostic:
+    ranked = ", ".join(
+        f"{writer.name}: {rank}" for rank, writer in zip(range(len(writers), 0, -1), writers, strict=True)
+    )
+    others = " and ".join(f"'{writer.name}'" for writer in writers if writer is not offender)
+    message = f"{element} is written by '{offender.name}' and by {others}, without priorities"
+    key = f".attributes.{element.attribute}" if element.attribute else ""
+    return finding(
+        "two-owners",
+        message,
+        offender.place,
+        path=f"knowledge.{element.section}.{element.name}{key}.source",
+        help=f"write 'source: {{{ranked}}}' where it is declared: the larger number has priority",
+        related=(Related("declared here", world.place_of(element)),),
+    )
+
+
+def unwritten(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Everything that an agent reads, and every declared edge, exists from the start or has a writer."""
+    if not is_complete(scope, faults):
+        return
+    world = scope.world
+    reported: set[KnowledgeElement] = set()
+    for edge in scope.spec.edges:
+        element = KnowledgeElement("edges", edge.name)
+        if not world.writers(element) and not world.starts_with(edge):
+            reported.add(element)
+            message = f"no agent writes edge '{edge.name}', and it does not exist from the start"
+            help = "name its writer under 'source', or declare it between two single nodes"
+            path = f"knowledge.edges.{edge.name}"
+            yield finding("unwritten-knowledge", message, edge.place, path=path, help=help)
+    for agent in scope.spec.agents:
+        for element, place, path in _readings(world, agent):
+            if element not in reported and not _is_written(world, element):
+                reported.add(element)
+                message = f"agent '{agent.name}' reads {element}, which no agent writes"
+                related = (Related("declared here", world.place_of(element)),)
+                help = "name its writer under 'source'"
+                yield finding("unwritten-knowledge", message, place, path=path, help=help, related=related)
+
+
+def _readings(world: DeclaredGraph, agent: Agent) -> Iterator[tuple[KnowledgeElement, Place, str]]:
+    """Yield the elements that an agent reads, each with its place and its path."""
+    for reference in agent.conduct.reads:
+        element = world.named(reference.name)
+        if element is not None:
+            yield element, reference.place, f"agents.{agent.name}.reads"
+    for pattern in patterns_of(agent):
+        for name in names_read(pattern) if pattern.role is not Role.AFTER else ():
+            element = world.read(name.name)
+            if element is not None:
+                yield element, pattern.condition.place_of(name), pattern.path
+        for term in _terms_sought(pattern):
+            if term.type:
+                yield KnowledgeElement("types", term.type), pattern.condition.place_of(term), pattern.path
+
+
+def _terms_sought(pattern: Pattern) -> tuple[NodeTerm, ...]:
+    """Return the nodes that an agent searches for with a pattern."""
+    path = pattern.tree
+    sought = isinstance(path, Path) and pattern.role is not Role.AFTER and not path.negated
+    return path.terms if sought and isinstance(path, Path) else ()
+
+
+def _is_written(world: DeclaredGraph, element: KnowledgeElement) -> bool:
+    """Return whether an element has a writer, or exists from the start."""
+    if element.section in ("context", "tasks") or world.writers(element):
+        return True
+    if element.section == "edges":
+        return world.starts_with(world.edges[element.name])
+    of_type = [node for node in world.spec.nodes if node.type.name == element.name]
+    if not element.attribute:
+        return bool(of_type) or element.name not in world.types
+    return any(value.name == element.attribute for node in of_type for value in node.values)
+
+
+def foreign_writes(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """An agent owns what its rules write."""
+    if not is_complete(scope, faults):
+        return
+    for pattern in patterns(scope):
+        if pattern.role is Role.AFTER:
+            written = _written(scope.world, pattern)
+            if written and not any(scope.world.owns(pattern.agent.name, element) for element, _ in written):
+                yield _foreign(scope.world, pattern, *written[0])
+            yield from _foreign_states(scope.world, pattern)
+
+
+def _written(world: DeclaredGraph, pattern: Pattern) -> list[tuple[KnowledgeElement, Place]]:
+    """Return the elements that a pattern under `after` can write, each with its place; empty if this is undecided."""
+    written: list[tuple[KnowledgeElement, Place]] = []
+    for step in steps(pattern):
+        if world.task_of(step.origin, step.link.edge, step.target) is not None:
+            return []
+        edges = world.edges_between(step.origin, step.link.edge, step.target)
+        written += [(KnowledgeElement("edges", edge.name), pattern.condition.place_of(step.link)) for edge in edges]
+    for name in names_read(pattern):
+        element = world.read(name.name)
+        if element is None or reads_of(name.name)[0]:
+            return []
+        written.append((element, pattern.condition.place_of(name)))
+    if isinstance(pattern.tree, Path) and pattern.tree.negated:
+        kinds = [term.type for term in pattern.tree.terms if term.type]
+        written += [(KnowledgeElement("types", kind), pattern.condition.place) for kind in kinds if kind in world.types]
+    return written
+
+
+def _foreign(world: DeclaredGraph, pattern: Pattern, element: KnowledgeElement, place: Place) -> Diagnostic:
+    owners = [writer.name for writer in world.writers(element)]
+    who = " and ".join(f"'{owner}'" for owner in owners)
+    assert pattern.rule is not None
+    verb = "own" if len(owners) > 1 else "owns"
+    own = f"name '{pattern.agent.name}' as its '{'by' if element.section == 'tasks' else 'source'}'"
+    help = f"{own}, or leave it to {who}: a rule may write only what its agent owns" if who else own
+    return finding(
+        "foreign-write",
+        f"rule '{pattern.rule.name}' of {pattern.user} writes {element}, which {who or 'no agent'} {verb}",
+        place,
+        path=pattern.path,
+        help=help,
+        related=(Related("declared here", world.place_of(element)),),
+    )
+
+
+def _foreign_states(world: DeclaredGraph, pattern: Pattern) -> Iterator[Diagnostic]:
+    for step in steps(pattern):
+        task = world.task_of(step.origin, step.link.edge, step.target)
+        if task is None or pattern.agent.name in may_write(task, step.link.edge):
+            continue
+        assert pattern.rule is not None
+        who = " and ".join(f"'{name}'" for name in may_write(task, step.link.edge))
+        yield finding(
+            "foreign-write",
+            f"rule '{pattern.rule.name}' of {pattern.user} writes '{step.link.edge}' of task '{task.name}', "
+            f"which only {who} may write",
+            pattern.condition.place_of(step.link),
+            path=pattern.path,
+            help=f"requesters write 'wants' and 'aborted', the executor 'is' and 'finished'; leave it to {who}",
+            related=(Related("declared here", task.place),),
+        )
+
+
+def may_write(task: Task, state: str) -> tuple[str, ...]:
+    """Return the writers of a task state: requesters write `wants` and `aborted`, the executor `is` and `finished`."""
+    if state in (TaskState.WANTS, TaskState.ABORTED):
+        return tuple(requester.name for requester in task.requesters)
+    return (task.by.name,)
+
+
+def claimed_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """No rule of another agent takes up a task, since a task has one executor."""
+    if not is_complete(scope, faults):
+        return
+    for agent in scope.spec.agents:
+        for rule in agent.conduct.rules:
+            wanted = {task.name for task, _ in _task_steps(scope.world, agent, rule.name, Role.BEFORE, TaskState.WANTS)}
+            for task, step in _task_steps(scope.world, agent, rule.name, Role.DURING, TaskState.IS):
+                if task.name in wanted and task.by.name != agent.name:
+                    yield _claimed(agent, rule.name, task, step)
+
+
+def _task_steps(
+    world: DeclaredGraph, agent: Agent, rule: str, role: Role, state: TaskState
+) -> Iterator[tuple[Task, Step]]:
+    """Yield the tasks whose state is in the patterns of a rule."""
+    for pattern in patterns_of(agent):
+        if pattern.rule is None or pattern.rule.name != rule or pattern.role is not role:
+            continue
+        for step in steps(pattern):
+            task = world.task_of(step.origin, step.link.edge, step.target)
+            if task is not None and step.link.edge == state:
+                yield task, step
+
+
+def _claimed(agent: Agent, rule: str, task: Task, step: Step) -> Diagnostic:
+    return finding(
+        "claimed-task",
+        f"rule '{rule}' of agent '{agent.name}' takes up task '{task.name}', which agent '{task.by.name}' executes",
+        step.pattern.condition.place_of(step.link),
+        path=step.pattern.path,
+        help=f"let one agent execute it: change 'by' of the task, or leave it to '{task.by.name}'",
+        related=(Related("declared here", task.places.get("by", task.place)),),
+    )
+
+
+def unattended_tasks(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The executor of a task reacts to a request: it is always active or woken by it, and has a rule for it."""
+    if not is_complete(scope, faults):
+        return
+    for task in scope.spec.tasks:
+        agent = scope.world.agents.get(task.by.name)
+        if agent is None:
+            continue
+        asleep = agent.conduct.wakes and not _names_request(scope.world, agent, task, Role.WAKES)
+        idle = agent.conduct.rules and not _names_request(scope.world, agent, task, Role.BEFORE)
+        if asleep or idle:
+            wants = f"{task.origin.name} -wants-> {task.name}"
+            reason = "is not woken by it" if asleep else "has no rule for it"
+            help = f"add '{wants}' to its 'wakes'" if asleep else f"add a rule with 'before: [{wants}]'"
+            yield finding(
+                "unattended-task",
+                f"no agent takes up task '{task.name}': agent '{agent.name}', which executes it, {reason}",
+                task.places.get("by", task.place),
+                path=f"knowledge.tasks.{task.name}.by",
+                help=help,
+                related=(Related("the agent", agent.place),),
+            )
+
+
+def _names_request(world: DeclaredGraph, agent: Agent, task: Task, role: Role) -> bool:
+    """Return whether a pattern of an agent is about the request of a task, or is a condition that may depend on it."""
+    for pattern in patterns_of(agent):
+        if pattern.role is not role or (isinstance(pattern.tree, Path) and pattern.tree.negated):
+            continue
+        if not isinstance(pattern.tree, Path):
+            if role is Role.WAKES:
+                return True
+            continue
+        for step in steps(pattern):
+            named = world.task_of(step.origin, step.link.edge, step.target)
+            is_any = not step.target.name and step.link.edge == TaskState.WANTS
+            if is_any or (named is not None and named.name == task.name and step.link.edge == TaskState.WANTS):
+                return True
+    return False
+
+
+def owns(world: DeclaredGraph, agent: str) -> tuple[KnowledgeElement, ...]:
+    """Return the elements that an agent may write, in file order."""
+    return world.owned.get(agent, ())
+
+
+def reads(world: DeclaredGraph, agent: Agent) -> tuple[KnowledgeElement, ...]:
+    """Return the elements that an agent reads, each once: those under `reads`, and those in its patterns."""
+    elements = dict.fromkeys(element for element, *_ in _readings(world, agent))
+    for pattern in patterns_of(agent):
+        if pattern.role is Role.AFTER:
+            continue
+        for step in steps(pattern):
+            task = world.task_of(step.origin, step.link.edge, step.target)
+            if task is not None:
+                elements[KnowledgeElement("tasks", task.name)] = None
+            elements |= dict.fromkeys(
+                KnowledgeElement("edges", edge.name)
+                for edge in world.edges_between(step.origin, step.link.edge, step.target)
+            )
+    return tuple(elements)
+
+
+OWNERS = (two_owners, unwritten, foreign_writes, claimed_tasks, unattended_tasks)
+"""The rules of this subject."""

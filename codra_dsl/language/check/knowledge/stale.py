@@ -1,0 +1,53 @@
+"""Phase 5 for poses: those in conditions become stale when they are no longer reported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.language.check.index.graph_schema import KnowledgeElement
+from codra_dsl.language.check.index.mentions import user_of
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.knowledge.mentions import names_read, patterns
+from codra_dsl.language.check.knowledge.owners import is_complete
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression import names_in, reads_of
+
+
+def unnoticed_poses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """An edge with a writer whose poses are used by conditions states how long a pose is valid."""
+    if not is_complete(scope, faults):
+        return
+    trusted: dict[str, Related] = {}
+    for user, name, place in _pose_readings(scope):
+        _, first, second = reads_of(name)
+        for between in scope.world.between(first, second):
+            trusted.setdefault(between, Related(f"{user} uses it", place))
+    for name, related in trusted.items():
+        edge = scope.world.edges[name]
+        states_validity = edge.motion is None or edge.motion.is_static or edge.motion.valid_for_s is not None
+        if not states_validity and scope.world.writers(KnowledgeElement("edges", name)):
+            yield finding(
+                "unnoticed-pose",
+                f"edge '{name}' keeps its last pose forever if no new one is reported",
+                edge.place,
+                path=f"knowledge.edges.{name}",
+                help="add 'valid_for', for example 'valid_for: forever', or 'static: true' if the pose never changes",
+                related=(related,),
+            )
+
+
+def _pose_readings(scope: SpecIndex) -> Iterator[tuple[str, str, Place]]:
+    """Yield the readings of poses in conditions: the user, the name, and the place."""
+    for posed in (variable.posed for variable in scope.spec.context if variable.posed is not None):
+        section, element, _ = posed.owner
+        for name in names_in(posed.tree):
+            yield user_of(section, element), name.name, posed.said.place_of(name)
+    for pattern in patterns(scope):
+        for name in names_read(pattern):
+            if reads_of(name.name)[0]:
+                yield pattern.user, name.name, pattern.condition.place_of(name)
+
+
+TRUSTED_POSES = (unnoticed_poses,)
+"""The rules of this subject."""

@@ -1,0 +1,127 @@
+"""Phase 4 for rules: the patterns of one moment of a rule can hold together, also with those of the moment before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+from codra_dsl.language.check.conditions.conditions import Role
+from codra_dsl.language.check.conditions.types import Types
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph, KnowledgeElement
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.knowledge.mentions import Pattern, names_read, patterns_in, patterns_of, steps
+from codra_dsl.language.check.knowledge.owners import is_complete, may_write
+from codra_dsl.language.check.solver.contradictions import contradiction, never_true, related_to, stated
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression import Path
+from codra_dsl.language.model import Agent, AgentRule
+
+
+def contradictory_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The patterns of one moment of a rule can hold together, also with those before that continue to hold."""
+    if not is_complete(scope, faults):
+        return
+    for agent in scope.spec.agents:
+        for pattern in patterns_of(agent):
+            if pattern.role is Role.WAKES:
+                yield from _excluded(scope, [pattern])
+        for rule in agent.conduct.rules:
+            yield from _of_rule(scope, agent, rule)
+
+
+def _of_rule(scope: SpecIndex, agent: Agent, rule: AgentRule) -> Iterator[Diagnostic]:
+    moments: dict[Role, list[Pattern]] = {Role.BEFORE: [], Role.DURING: [], Role.AFTER: []}
+    for pattern in patterns_in(agent, rule):
+        moments[pattern.role].append(pattern)
+    by_moment = [list(_excluded(scope, patterns)) for patterns in moments.values()]
+    for several in by_moment:
+        yield from several
+    lasting = [pattern for pattern in moments[Role.DURING] if not _is_own(scope.world, pattern)]
+    if not any(by_moment) and lasting:
+        yield from _excluded(scope, [*moments[Role.BEFORE], *lasting])
+
+
+def _excluded(scope: SpecIndex, patterns: Sequence[Pattern]) -> Iterator[Diagnostic]:
+    """Yield findings about patterns that cannot hold together."""
+    conditions = [
+        pattern for pattern in patterns if not isinstance(pattern.tree, Path) and not _is_wrong(scope, pattern)
+    ]
+    if conditions:
+        types: Types = {
+            name.name: scope.world.read_type(name.name) for pattern in conditions for name in names_read(pattern)
+        }
+        core = contradiction([stated(pattern.condition, pattern.tree) for pattern in conditions], types)
+        if core:
+            offender = next(
+                pattern for pattern in conditions[::-1] if pattern.condition.place.span.line <= core[-1].place.span.line
+            )
+            related = tuple(related_to(core, types, scope.spec.context))
+            yield _finding(
+                offender,
+                never_true(core),
+                "change one of them" if len(core) > 1 else "change it",
+                core[-1].place,
+                related,
+            )
+    for index, pattern in enumerate(patterns):
+        for other in patterns[:index]:
+            reason = _clash(scope.world, other, pattern)
+            if reason:
+                related = (Related("cannot hold together with this", other.condition.place),)
+                yield _finding(pattern, reason, "remove one of them", pattern.condition.place, related)
+                break
+
+
+def _is_wrong(scope: SpecIndex, pattern: Pattern) -> bool:
+    judgement = scope.judgement(pattern.condition)
+    return judgement is None or bool(judgement.problems)
+
+
+def _clash(world: DeclaredGraph, one: Pattern, other: Pattern) -> str:
+    """Return why two paths cannot hold together; empty if they can."""
+    if not isinstance(one.tree, Path) or not isinstance(other.tree, Path):
+        return ""
+    if one.tree.negated != other.tree.negated:
+        same = replace(one.tree, negated=False) == replace(other.tree, negated=False)
+        return f"'{other.tree}' is the opposite of '{one.tree}'" if same else ""
+    if one.tree.negated:
+        return ""
+    states = dict(_states(world, one))
+    for task, state in _states(world, other):
+        if states.get(task, state) != state:
+            return f"task '{task}' has one state at a time, not '{states[task]}' and '{state}'"
+    return ""
+
+
+def _states(world: DeclaredGraph, pattern: Pattern) -> Iterator[tuple[str, str]]:
+    for step in steps(pattern):
+        task = world.task_of(step.origin, step.link.edge, step.target)
+        if task is not None:
+            yield task.name, step.link.edge
+
+
+def _is_own(world: DeclaredGraph, pattern: Pattern) -> bool:
+    """Return whether an agent itself makes a pattern true, so that the pattern need not hold before."""
+    name = pattern.agent.name
+    for step in steps(pattern):
+        task = world.task_of(step.origin, step.link.edge, step.target)
+        edges = world.edges_between(step.origin, step.link.edge, step.target)
+        if task is not None and name in may_write(task, step.link.edge):
+            return True
+        if any(world.owns(name, KnowledgeElement("edges", edge.name)) for edge in edges):
+            return True
+    elements = (world.read(read.name) for read in names_read(pattern))
+    return any(element is not None and world.owns(name, element) for element in elements)
+
+
+def _finding(pattern: Pattern, reason: str, help: str, place: Place, related: Iterable[Related]) -> Diagnostic:
+    where = (
+        f"rule '{pattern.rule.name}' of {pattern.user}" if pattern.rule is not None else f"'wakes' of {pattern.user}"
+    )
+    message = f"{reason} ({where})"
+    return finding("contradictory-rule", message, place, path=pattern.path, help=help, related=tuple(related))
+
+
+TRIPLETS = (contradictory_rules,)
+"""The rules of this subject."""

@@ -1,0 +1,280 @@
+"""The worst-case time from declaring a context-variable until it is known.
+
+The main execution declares one variable. No observer runs, and no variable that observers identify is known. The bound
+is on the time until the variable is known. It assumes that conditions hold as soon as the variables that they wait for
+are known, and continue to hold; that every look gives an accepted result within its `timeout`, and all looks the same
+one; and that no other user takes slots: neither the main execution, nor another decision, nor a look at a variable that
+is already known. `docs/reference/graph.md` explains it to users.
+
+Observers are due as soon as they start, and a variable that becomes known wakes its readers in the same instant, so
+periods add nothing. All time is spent in looks and in waiting for looks. Going back from the variable, the looks that
+delayed it form a path. While a look on the path waits, either a rival (an algorithm that shares a variable) runs, or
+looks that are not on the path take all slots of a resource. Each algorithm looks once, or as often as `confirm` needs,
+which counts as one look with its pauses. The bound is the maximum, over all paths, of the sum of the timeouts on the
+path and the delays by the other looks (R. L. Graham's bound for list scheduling). It holds for every order of
+priorities and for looks that take any shorter time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from graphlib import TopologicalSorter
+from itertools import pairwise
+
+from codra_dsl.language import graph
+from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedSpec
+from codra_dsl.language.model import DEFAULT_PERIOD_S, Access, Spec, needed_of
+
+MAX_STEPS = 100_000
+"""The maximum number of visited looks if slots are contended; past it, the bound is the sum of all timeouts.
+
+This sum is never too small.
+"""
+
+MAX_PATHS = 16
+"""The maximum number of paths for each look, distinguished by the crowds that they meet.
+
+Past it, they count as one path with the longest time that meets all these crowds.
+"""
+
+_DIGITS = 9
+
+
+def worst_cases(checked: CheckedSpec) -> Mapping[str, float]:
+    """Return the worst-case seconds from declared to known, for each variable that an algorithm identifies."""
+    looks = {name: _look(checked.spec, algorithm) for name, algorithm in checked.algorithms.items()}
+    return _WorstCases(looks, checked.spec, checked.producers).of_variables()
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """One run of an algorithm, or as many runs as it needs to confirm its result.
+
+    Attributes:
+        waits_for: the variables that must be known before it can run.
+        needs: the variables that it reads, so that their observers run as well.
+        timeout_s: its maximum duration, with the pauses between runs if it needs several.
+        needed: the number of runs.
+    """
+
+    identifies: tuple[str, ...]
+    waits_for: tuple[str, ...]
+    needs: tuple[str, ...]
+    timeout_s: float
+    slots: tuple[str, ...]
+    needed: int
+
+
+def _look(spec: Spec, checked: CheckedAlgorithm) -> _Look:
+    algorithm = checked.algorithm
+    identifies = tuple(dict.fromkeys(variable for variable, _ in checked.identifies))
+    needed = max((needed_of(entry) for entry in algorithm.identifies), default=1)
+    timeout_s = algorithm.timeout_s
+    if needed > 1:
+        periods = [
+            setting.period_s for setting in spec.observers if {one.name for one in setting.identifies} & {*identifies}
+        ]
+        pause_s = max(algorithm.min_interval_s, timeout_s, *(periods or [DEFAULT_PERIOD_S]))
+        timeout_s += (needed - 1) * pause_s
+    slots = (usage.resource.name for usage in algorithm.uses if usage.access is Access.SLOT)
+    return _Look(
+        identifies=identifies,
+        waits_for=tuple(dict.fromkeys(checked.waits_for)),
+        needs=tuple(dict.fromkeys(checked.needs)),
+        timeout_s=timeout_s,
+        slots=tuple(dict.fromkeys(slots)),
+        needed=needed,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Crowd:
+    """Looks that can delay each other.
+
+    Attributes:
+        capacity: how many of them run while another one waits.
+        total_s: the sum of their timeouts.
+    """
+
+    members: tuple[str, ...]
+    capacity: int
+    total_s: float
+
+    @property
+    def share(self) -> float:
+        """Return the fraction of a look's time that is added to `delay_s` if the look is on the path."""
+        return 1 - 1 / self.capacity
+
+    @property
+    def delay_s(self) -> float:
+        """Return the time that the crowd adds to a path through it."""
+        return self.total_s / self.capacity
+
+
+_Paths = dict[frozenset[int], float]
+"""By the crowds that a path meets: the longest time spent on it outside these crowds."""
+
+_Names = tuple[str, ...]
+
+
+class _WorstCases:
+    """The computation for one spec."""
+
+    def __init__(self, looks: Mapping[str, _Look], spec: Spec, producers: Mapping[str, Sequence[str]]) -> None:
+        self._looks = looks
+        self._producers = producers
+        self._slots = {resource.name: resource.slots for resource in spec.resources if resource.slots is not None}
+        self._rivals = _connected(looks, producers.values())
+        named = [self._producers_of(reference.name for reference in one.identifies) for one in spec.observers]
+        self._observer_of = _connected(looks, [*self._rivals.values(), *named])
+        self._started_with = {
+            name: (*self._producers_of(look.needs), *self._observer_of[name]) for name, look in looks.items()
+        }
+        self._before = {name: self._producers_of(look.waits_for) for name, look in looks.items()}
+        self._parts = _in_order(self._before)
+        self._position = {name: position for position, part in enumerate(self._parts) for name in part}
+        self._everything = _Crowd(tuple(looks), 1, sum(look.timeout_s for look in looks.values()))
+        self._steps = 0
+
+    def of_variables(self) -> dict[str, float]:
+        """Return the bound for each variable, observer by observer: the same looks run for all variables of one."""
+        free, held_up = self._paths(self._parts, ()), self._held_up()
+        bounds: dict[str, float] = {}
+        for observer in dict.fromkeys(self._observer_of.values()):
+            paths, crowds = (free, ()) if held_up.isdisjoint(observer) else self._crowded(observer)
+            for variable in dict.fromkeys(variable for name in observer for variable in self._looks[name].identifies):
+                candidates_s = (
+                    _longest(paths[name], crowds) - self._spared_s(name, variable, crowds)
+                    for name in self._producers[variable]
+                )
+                bounds[variable] = round(max(candidates_s), _DIGITS)
+        return bounds
+
+    def _producers_of(self, variables: Iterable[str]) -> _Names:
+        return tuple(dict.fromkeys(name for variable in variables for name in self._producers.get(variable, ())))
+
+    def _held_up(self) -> frozenset[str]:
+        """Return the looks that run together with a crowd, or would if all observers ran."""
+        starters: dict[str, list[str]] = {}
+        for name, started in self._started_with.items():
+            for other in started:
+                starters.setdefault(other, []).append(name)
+        crowded = sorted(name for crowd in self._crowds(self._looks) for name in crowd.members)
+        return frozenset(graph.closure(starters, crowded))
+
+    def _crowded(self, observer: _Names) -> tuple[Mapping[str, _Paths], Sequence[_Crowd]]:
+        """Return the paths to the looks of an observer, and the crowds among the looks that run because of it."""
+        if self._steps > MAX_STEPS:
+            return {name: {frozenset({0}): 0.0} for name in observer}, [self._everything]
+        running = graph.closure(self._started_with, observer)
+        self._steps += len(running)
+        crowds = self._crowds(running)
+        positions = sorted({self._position[name] for name in running})
+        return self._paths([self._parts[position] for position in positions], crowds), crowds
+
+    def _crowds(self, running: Iterable[str]) -> Sequence[_Crowd]:
+        """Return the crowds among looks that run together."""
+        users: dict[str, list[str]] = {}
+        rivals: dict[_Names, list[str]] = {}
+        for name in running:
+            rivals.setdefault(self._rivals[name], []).append(name)
+            for slot in self._looks[name].slots:
+                users.setdefault(slot, []).append(name)
+        limits = [(names, self._slots[slot]) for slot, names in users.items() if slot in self._slots]
+        groups = [
+            (names, many)
+            for names, many in (*((rival_names, 1) for rival_names in rivals.values()), *limits)
+            if len(names) > many
+        ]
+        members = _connected([name for names, _ in groups for name in names], [names for names, _ in groups])
+        capacities: dict[_Names, list[int]] = {}
+        for names, many in groups:
+            capacities.setdefault(members[names[0]], []).append(many)
+        return [
+            _Crowd(
+                crowd,
+                limits_of_crowd[0] if len(limits_of_crowd) == 1 else 1,
+                sum(self._looks[name].timeout_s for name in crowd),
+            )
+            for crowd, limits_of_crowd in capacities.items()
+        ]
+
+    def _spared_s(self, last: str, variable: str, crowds: Sequence[_Crowd]) -> float:
+        """Return the time that a crowd does not add: a rival of the last look would also have given the value."""
+        rivals = [
+            self._looks[name].timeout_s
+            for name in self._rivals[last]
+            if name != last and variable in self._looks[name].identifies and self._looks[name].needed == 1
+        ]
+        crowds_of_last = (crowd for crowd in (crowds if rivals else ()) if last in crowd.members)
+        return sum(sum(rivals) / crowd.capacity for crowd in crowds_of_last)
+
+    def _paths(self, parts: Iterable[_Names], crowds: Sequence[_Crowd]) -> dict[str, _Paths]:
+        """Return, for each look, the paths that end with it.
+
+        Alternatives can make looks wait for each other. Such looks count as one look that takes the time of all.
+        """
+        crowd_of = {name: index for index, crowd in enumerate(crowds) for name in crowd.members}
+        ends: dict[str, _Paths] = {}
+        for part in parts:
+            before = dict.fromkeys(name for member in part for name in self._before[member] if name not in part)
+            reached = _merged(ends[name] for name in before) or {frozenset(): 0.0}
+            met = frozenset(crowd_of[name] for name in part if name in crowd_of)
+            spent_s = sum(
+                self._looks[name].timeout_s * (crowds[crowd_of[name]].share if name in crowd_of else 1.0)
+                for name in part
+            )
+            through = ({path | met: longest_s + spent_s} for path, longest_s in reached.items())
+            paths = _fewer(_merged(through))
+            ends |= dict.fromkeys(part, paths)
+        return ends
+
+
+def _longest(paths: _Paths, crowds: Sequence[_Crowd]) -> float:
+    return max(spent_s + sum(crowds[index].delay_s for index in sorted(met)) for met, spent_s in paths.items())
+
+
+def _merged(several: Iterable[_Paths]) -> _Paths:
+    merged: _Paths = {}
+    for paths in several:
+        for met, spent_s in paths.items():
+            merged[met] = max(spent_s, merged.get(met, 0.0))
+    return merged
+
+
+def _fewer(paths: _Paths) -> _Paths:
+    """Return the paths without those that another path exceeds in every respect."""
+    if len(paths) > MAX_PATHS:
+        return {frozenset().union(*paths): max(paths.values())}
+    return {
+        met: spent_s
+        for met, spent_s in paths.items()
+        if not any(met < other and spent_s <= more_s for other, more_s in paths.items())
+    }
+
+
+def _connected(names: Iterable[str], groups: Iterable[Sequence[str]]) -> dict[str, _Names]:
+    """Return, for each name, the names connected to it by groups with a common member, itself included."""
+    links: dict[str, list[str]] = {name: [] for name in names}
+    for group in groups:
+        for one, other in pairwise(group):
+            links[one].append(other)
+            links[other].append(one)
+    connected: dict[str, _Names] = {}
+    for name in links:
+        if name not in connected:
+            members = graph.closure(links, [name])
+            connected |= dict.fromkeys(members, members)
+    return connected
+
+
+def _in_order(before: Mapping[str, _Names]) -> Sequence[_Names]:
+    """Return the names in topological order; names on a cycle form one part."""
+    part_of: dict[str, _Names] = {name: (name,) for name in before}
+    part_of |= {name: part for part in graph.strong_components(before) for name in part}
+    waits = {
+        part: dict.fromkeys(part_of[other] for name in part for other in before[name] if part_of[other] != part)
+        for part in dict.fromkeys(part_of.values())
+    }
+    return tuple(TopologicalSorter(waits).static_order())

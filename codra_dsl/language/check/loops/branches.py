@@ -1,0 +1,224 @@
+"""Phase 4 for trees: their files, the branches for actions, and the executors of their leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.language.behavior_trees import BehaviorTree, CheckedForest, Forest, TreeNode
+from codra_dsl.language.behavior_trees.catalogue import BUILT_IN
+from codra_dsl.language.behavior_trees.named import UNREAD
+from codra_dsl.language.behavior_trees.ports import EntryKey, given
+from codra_dsl.language.behavior_trees.scripts import parse_condition
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, has_errors
+from codra_dsl.language.expression import Compare, Name, Node, Text
+from codra_dsl.language.model import Course, TreeElement
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A guarded branch of a tree.
+
+    Attributes:
+        entry: the entry of the blackboard that selects the branch.
+        value: the value of the entry with which it runs; empty for the default branch.
+        others: for the default branch: the values with which it does not run.
+        tree: the ID of its tree.
+    """
+
+    entry: str
+    value: str
+    tree: str
+    place: Place
+    others: tuple[str, ...] = ()
+
+
+def branches(forest: Forest) -> tuple[Branch, ...]:
+    """Return the guarded branches of the main tree of a file."""
+    main = main_tree(forest)
+    return () if main is None else tuple(branch for node in main.root.walk() for branch in _guarded(node))
+
+
+def main_tree(forest: Forest) -> BehaviorTree | None:
+    """Return the main tree of a file."""
+    return next((tree for tree in forest.trees if tree.id == forest.main), None)
+
+
+def _guarded(node: TreeNode) -> Iterator[Branch]:
+    """Yield the branches of a switch, or a subtree with a guard of its own."""
+    built_in = BUILT_IN.get(node.id)
+    ports = {port.name: port.value for port in node.ports}
+    if built_in is not None and built_in.word == "Switch":
+        entry = given("variable", ports.get("variable", ""))
+        cases = [ports[key] for key in sorted(ports) if key.startswith("case_")]
+        for index, child in enumerate(node.children):
+            if isinstance(entry, EntryKey) and child.subtree is not None:
+                is_last = index >= len(cases)
+                value, others = ("", tuple(cases)) if is_last else (cases[index], ())
+                yield Branch(entry.key, value, child.subtree, child.place, others)
+    elif node.subtree is not None:
+        guard = next((condition.value for condition in node.conditions if condition.name == "_while"), "")
+        named = _equality(parse_condition(guard)) if guard else None
+        if named is not None:
+            yield Branch(*named, node.subtree, node.place)
+
+
+def _equality(condition: object) -> tuple[str, str] | None:
+    """Return the entry and the text that a guard compares; None if it has another form."""
+    if not isinstance(condition, Compare) or len(condition.rest) != 1:
+        return None
+    sides: list[Node] = [condition.first, condition.rest[0][1]]
+    names = [side.name for side in sides if isinstance(side, Name)]
+    texts = [side.value for side in sides if isinstance(side, Text)]
+    is_equal = str(condition.rest[0][0]) == "=="
+    return (names[0], texts[0]) if is_equal and len(names) == len(texts) == 1 else None
+
+
+def chosen_values(tree: TreeElement, forest: Forest) -> tuple[str, Mapping[str, str]]:
+    """Return the entry that selects the branch, and its value for each action."""
+    guarded = {branch.tree: branch for branch in branches(forest)}
+    branch_of = {action.name: guarded[id_.name] for action, id_ in tree.course if id_.name in guarded}
+    entry = next((branch.entry for branch in branch_of.values()), "course")
+    return entry, {
+        action: branch.value or (action if action not in branch.others else "") for action, branch in branch_of.items()
+    }
+
+
+def leaves(forest: Forest) -> Mapping[str, TreeNode]:
+    """Return the robot's own leaves by their ID: the first of each, in the order of the file."""
+    first: dict[str, TreeNode] = {}
+    for tree in forest.trees:
+        for node in tree.root.walk():
+            if node.id not in BUILT_IN and node.subtree is None:
+                first.setdefault(node.id, node)
+    return first
+
+
+def tree_files(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Yield the findings about the files of trees."""
+    for tree in scope.spec.trees:
+        yield from scope.forests.get(tree.name, UNREAD)[1]
+
+
+def unmatched_branches(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every action of a course has a branch, every branch has an action, and one entry selects all of them."""
+    courses = [
+        (adaptation.name, adaptation.does)
+        for adaptation in scope.spec.adaptation
+        if isinstance(adaptation.does, Course)
+    ]
+    for tree in scope.spec.trees:
+        forest = _sound(scope, faults, tree)
+        if forest is None or not scope.readable("trees", tree.name, "course"):
+            continue
+        yield from _unguarded(tree, forest.forest)
+        yield from _without_action(tree, [course for _, course in courses if course.within.name == tree.name])
+        for name, course in courses:
+            if course.within.name == tree.name:
+                yield from _without_branch(tree, name, course)
+
+
+def _sound(scope: SpecIndex, faults: Silenced, tree: TreeElement) -> CheckedForest | None:
+    forest, findings = scope.forests.get(tree.name, UNREAD)
+    return None if has_errors(findings) or not faults.sound("trees", tree.name) else forest
+
+
+def _unguarded(tree: TreeElement, forest: Forest) -> Iterator[Diagnostic]:
+    known = {declared.id for declared in forest.trees}
+    guarded = {branch.tree: branch for branch in branches(forest)}
+    entries: dict[str, str] = {}
+    for action, id_ in tree.course:
+        path = f"trees.{tree.name}.course.{action.name}"
+        branch = guarded.get(id_.name)
+        if id_.name not in known:
+            message = f"there is no tree '{id_.name}' in '{tree.file.name}'"
+            yield _branch_finding(message, id_.place, path, f"its trees are {', '.join(sorted(known))}")
+        elif branch is None:
+            message = f"tree '{id_.name}' is not a branch that can be chosen: it has no guard in '{forest.main}'"
+            help = "make it a child of a Switch, or write _while=\"course == 'NAME'\" on it"
+            yield _branch_finding(message, id_.place, path, help)
+        else:
+            first = entries.setdefault("", branch.entry)
+            if first != branch.entry:
+                message = f"branch '{id_.name}' uses entry '{branch.entry}', and others use '{first}'"
+                yield _branch_finding(message, id_.place, path, "use the same entry in all branches")
+    if tree.course and all(id_.name in known for _, id_ in tree.course):
+        mapped = {id_.name for _, id_ in tree.course}
+        for branch in guarded.values():
+            if branch.tree not in mapped and branch.entry == entries.get("", branch.entry):
+                message = f"no action chooses branch '{branch.tree}' of tree '{tree.name}'"
+                related = (Related("the branch", branch.place),)
+                place, path = tree.places.get("course", tree.place), f"trees.{tree.name}.course"
+                yield _branch_finding(message, place, path, "name the action under 'course'", related)
+
+
+def _without_action(tree: TreeElement, courses: list[Course]) -> Iterator[Diagnostic]:
+    chosen = {reference.name for course in courses for reference in course.choose}
+    for action, _ in tree.course:
+        if action.name not in chosen:
+            message = (
+                f"branch of '{action.name}' in tree '{tree.name}', but no adaptation of it chooses '{action.name}'"
+            )
+            help = "add the action to 'choose', or remove the branch"
+            yield _branch_finding(message, action.place, f"trees.{tree.name}.course.{action.name}", help)
+
+
+def _without_branch(tree: TreeElement, name: str, course: Course) -> Iterator[Diagnostic]:
+    mapped = {action.name for action, _ in tree.course}
+    for reference in course.choose:
+        if reference.name not in mapped:
+            message = f"action '{reference.name}' of adaptation '{name}' has no branch in tree '{tree.name}'"
+            related = (Related("the tree", tree.place),)
+            help = f"add '{reference.name}: TREE' to its 'course'"
+            yield _branch_finding(message, reference.place, f"adaptation.{name}.choose", help, related)
+
+
+def _branch_finding(message: str, place: Place, path: str, help: str, related: tuple[Related, ...] = ()) -> Diagnostic:
+    return finding("unmatched-branch", message, place, path=path, help=help, related=related)
+
+
+def idle_leaves(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every leaf of a tree states which tasks it hands over, and its agent may request them."""
+    tasks = {task.name: task for task in scope.spec.tasks}
+    for tree in scope.spec.trees:
+        forest = _sound(scope, faults, tree)
+        if forest is None or not scope.readable("trees", tree.name, "leaves"):
+            continue
+        own = leaves(forest.forest)
+        stated = {entry.leaf.name: entry for entry in tree.leaves}
+        for id_, node in own.items():
+            if id_ not in stated:
+                message = f"nothing executes leaf '{id_}' of tree '{tree.name}'"
+                help = f"add '{id_}: [TASK]' to 'leaves' of the tree, or '{id_}: []' if its code does everything"
+                related = (Related("the tree", tree.place),)
+                path = f"trees.{tree.name}.leaves"
+                yield finding("leaf-without-executor", message, node.place, path=path, help=help, related=related)
+        for entry in tree.leaves:
+            path = f"trees.{tree.name}.leaves.{entry.leaf.name}"
+            if entry.leaf.name not in own:
+                message = f"tree '{tree.name}' has no leaf '{entry.leaf.name}'"
+                help = f"its leaves are {', '.join(own)}" if own else "remove it"
+                yield finding("leaf-without-executor", message, entry.leaf.place, path=path, help=help)
+            for reference in entry.tasks:
+                task = tasks.get(reference.name)
+                asks = task is not None and tree.agent is not None
+                if asks and task and tree.agent and tree.agent.name not in (who.name for who in task.requesters):
+                    message = f"agent '{tree.agent.name}' may not request task '{task.name}'"
+                    help = f"add it to 'requesters' of '{task.name}', or let another agent execute the tree"
+                    related = (Related("the task", task.place),)
+                    yield finding(
+                        "leaf-without-executor", message, reference.place, path=path, help=help, related=related
+                    )
+                elif tree.agent is None:
+                    message = f"leaf '{entry.leaf.name}' hands over '{reference.name}', but the tree has no agent"
+                    help = "add 'agent', which requests the task"
+                    yield finding("leaf-without-executor", message, reference.place, path=path, help=help)
+
+
+TREE_FILES = (tree_files,)
+"""The rules of phase 1."""
+
+BRANCHES = (unmatched_branches, idle_leaves)
+"""The rules of phase 4."""

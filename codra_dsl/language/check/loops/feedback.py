@@ -1,0 +1,176 @@
+"""Phases 4 and 5 for loops: adaptations that depend on values that they set or choose themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+
+from codra_dsl.language import graph
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.solver.satisfiable import can_hold, implies
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.expression import Compare, Comparison, Name, Node, Or, Text, Truth, names_in, spelt_out
+from codra_dsl.language.fuzzy.model import propositions
+from codra_dsl.language.model import ADAPTER, Adaptation, Condition, Course, Parameter, weight_name
+
+
+def self_defeating(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """An adaptation can set its variable at all, and has a stable value or action, which it does not change again."""
+    never = list(_never_set(scope, faults))
+    yield from never
+    yield from _unstable_courses(scope, faults)
+    elements = frozenset(("adaptation", diagnostic.path.split(".")[1]) for diagnostic in never)
+    yield from _unstable_parameters(scope, Silenced(faults.elements | elements, faults.suggested))
+
+
+def _never_set(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Yield findings about variables that only adaptations set and that wait for themselves; one for each cycle."""
+    values = {
+        own: (adaptation, tree)
+        for adaptation, own, tree in set_variables(scope, faults)
+        if [source.name for source in scope.variables[own].sources] == [ADAPTER]
+    }
+    needs = {own: [read.name for read in names_in(tree)] for own, (_, tree) in values.items()}
+    equal_to_itself = {own: _equal(tree, tree) for own, (_, tree) in values.items()}  # true only if it is known
+    unknown = frozenset(values)
+    while True:
+        while known := {own for own in unknown if can_hold([equal_to_itself[own]], unknown, scope.context_types)}:
+            unknown -= known
+        waits = {own: [need for need in needs[own] if need in unknown] for own in sorted(unknown)}
+        circle = next((cycle for own in waits if (cycle := graph.cycle_through(waits, own))), ())
+        if not circle:
+            return
+        adaptation, _ = values[circle[0]]
+        path = (*circle, circle[0])
+        message = (
+            f"adaptation '{adaptation.name}' never sets '{circle[0]}', which waits for itself: {' -> '.join(path)}"
+        )
+        help = f"give a first value with 'known({path[1]}) and ...', or name another writer of it under 'source'"
+        yield _defeated(adaptation, "value", message, help)
+        unknown -= set(circle)
+
+
+def _unstable_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    for adaptation, own, tree in set_variables(scope, faults):
+        is_free = adaptation.dwell_s == 0.0 and own in {read.name for read in names_in(tree)}
+        if is_free and not can_hold([_equal(tree, _name(own))], (), scope.context_types):
+            message = (
+                f"adaptation '{adaptation.name}' never becomes stable: for every value of '{own}', it sets another one"
+            )
+            help = "compute it from other variables, or add a 'dwell' if it should alternate"
+            yield _defeated(adaptation, "value", message, help)
+
+
+def _unstable_courses(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    for adaptation in scope.spec.adaptation:
+        course = adaptation.does
+        if isinstance(course, Course) and course.always and faults.sound("adaptation", adaptation.name):
+            trees = [_tree(scope, rule.condition) for rule in course.always]
+            if not any(
+                _can_be_stable(scope, adaptation.name, course, trees, reference.name) for reference in course.choose
+            ):
+                message = f"adaptation '{adaptation.name}' never becomes stable: hard rules replace each of its actions"
+                yield _defeated(adaptation, "always", message, "make a rule false once its action is chosen")
+
+
+def _can_be_stable(scope: SpecIndex, own: str, course: Course, trees: Sequence[Node | None], action: str) -> bool:
+    """Return whether an action may stay: while it is chosen, no hard rule holds, or the first that does chooses it."""
+    types = scope.context_types
+    conditions = [Truth(start=0, end=0, value=True) if tree is None else tree for tree in trees]
+    chosen = _equal(_name(own), Text(start=0, end=0, value=action))
+    if None in trees or not implies([chosen], [_any(conditions)], types):
+        return True
+    return any(
+        rule.action.name == action and not implies([chosen, conditions[index]], [_any(conditions[:index])], types)
+        for index, rule in enumerate(course.always)
+    )
+
+
+def set_variables(scope: SpecIndex, faults: Silenced) -> Iterator[tuple[Adaptation, str, Node]]:
+    """Yield each sound adaptation that sets a variable, with the variable's name and the value."""
+    for adaptation in scope.spec.adaptation:
+        if isinstance(adaptation.does, Parameter) and faults.sound("adaptation", adaptation.name):
+            own, tree = adaptation.does.variable.name, _tree(scope, adaptation.does.value)
+            if own in scope.variables and faults.sound("context", own) and tree is not None:
+                yield adaptation, own, tree
+
+
+def _tree(scope: SpecIndex, condition: Condition) -> Node | None:
+    judgement = scope.judgement(condition)
+    return None if judgement is None or judgement.problems else spelt_out(judgement.typed.node)
+
+
+def _name(name: str) -> Name:
+    return Name(start=0, end=0, name=name)
+
+
+def _equal(one: Node, other: Node) -> Node:
+    return Compare(start=0, end=0, first=one, rest=((Comparison.EQUAL, other),))
+
+
+def _any(conditions: Sequence[Node]) -> Node:
+    return Or(start=0, end=0, operands=(Truth(start=0, end=0, value=False), *conditions))
+
+
+def _defeated(adaptation: Adaptation, key: str, message: str, help: str) -> Diagnostic:
+    place = adaptation.places.get(key, adaptation.place)
+    path = f"adaptation.{adaptation.name}.{key}"
+    return finding("self-defeating-adaptation", message, place, path=path, help=help)
+
+
+def fed_back(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """No adaptation depends on a value that it sets or chooses itself; one finding for each cycle."""
+    needs = _needs(scope)
+    order = {name: tuple(places) for name, places in needs.items()}
+    reported: set[str] = set()
+    for adaptation in scope.spec.adaptation:
+        own, does = _written(adaptation), "sets" if isinstance(adaptation.does, Parameter) else "chooses"
+        circle = graph.cycle_through(order, own) if own not in reported else ()
+        reported.update(circle)
+        if not circle or not faults.sound("adaptation", adaptation.name):
+            continue
+        path = (*circle, own)
+        first, *others = [(name, need, needs[name][need]) for name, need in pairwise(path)]
+        yield finding(
+            "adaptation-feedback",
+            f"adaptation '{adaptation.name}' depends on a value that it {does} itself: {' -> '.join(path)}",
+            first[2],
+            path=f"adaptation.{adaptation.name}",
+            help="read a measured value instead, or give the reason in a comment '# codra: ignore[CDR7127]'",
+            related=tuple(Related(f"'{name}' depends on '{need}'", place) for name, need, place in others),
+        )
+
+
+def _written(adaptation: Adaptation) -> str:
+    """Return the context-variable that an adaptation writes."""
+    return adaptation.does.variable.name if isinstance(adaptation.does, Parameter) else adaptation.name
+
+
+def _needs(scope: SpecIndex) -> Mapping[str, Mapping[str, Place]]:
+    """Return the dependencies of each variable that loops compute, set or choose, each with its first place."""
+    needs: dict[str, dict[str, Place]] = {}
+    for section, output in scope.book.outputs:
+        name = output.name if section == "metrics" else weight_name(output.name)
+        for rule in scope.book.rules[section, output.name]:
+            for proposition in propositions(rule.rule.antecedent) if rule.rule is not None else ():
+                needs.setdefault(name, {}).setdefault(proposition.variable, rule.phrase.place)
+    for variable in scope.spec.context:
+        if variable.rate is not None:
+            needs.setdefault(variable.name, {})[variable.rate.of.name] = variable.rate.of.place
+    for adaptation in scope.spec.adaptation:
+        own = needs.setdefault(_written(adaptation), {})
+        for action in adaptation.does.choose if isinstance(adaptation.does, Course) else ():
+            own.setdefault(weight_name(action.name), action.place)
+    for site in scope.sites:
+        if site.owner[0] == "adaptation":
+            for read in site.names:
+                needs[site.variable or site.owner[1]].setdefault(read.name, site.condition.place_of(read))
+    return needs
+
+
+SELF_DEFEATING = (self_defeating,)
+"""The rules of phase 4."""
+
+FED_BACK = (fed_back,)
+"""The rules of phase 5."""

@@ -1,0 +1,206 @@
+"""Phase 5 for fuzzy rules: where rules fire. Every term holds on intervals, so a few cells cover all cases."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+from codra_dsl.language.check.index.parsed_rules import ParsedRule, members, range_of
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule, Term
+from codra_dsl.language.fuzzy.supports import Extent, extent
+from codra_dsl.language.fuzzy.words import Hedge
+from codra_dsl.language.model import Output, Variable
+
+MAX_CELLS = 20_000
+"""The maximum number of combinations; an output with more is not checked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Numbers of a variable on which each term either holds everywhere or nowhere.
+
+    Attributes:
+        holding: the terms with a degree above 0; `wholly` those with degree 1.
+        words: the numbers of the cell, as text for messages.
+        is_point: whether it is a single number of a continuous range.
+    """
+
+    holding: frozenset[str]
+    wholly: frozenset[str]
+    words: str
+    is_point: bool = False
+
+
+def cells(variable: Variable, terms: tuple[Term, ...]) -> tuple[Cell, ...]:
+    """Return all cells of a variable with a range."""
+    extents = {term.name: extent(term) for term in terms}
+    if members(variable):
+        return tuple(_cell(float(index), extents, name) for index, name in enumerate(members(variable)))
+    low, high = range_of(variable) or (0.0, 0.0)
+    inner = {end for support in extents.values() for end in support.ends if low < end < high}
+    ends = (low, *sorted(inner), high)
+    unit = f" {variable.type.unit}" if variable.type.unit else ""
+    cells_of_range = [_cell(low, extents, f"{low:g}{unit}", is_point=low < high)]
+    for one, other in pairwise(ends):
+        if one < other:
+            words = f"from {one:g}{unit} to {other:g}{unit}"
+            cells_of_range += [_cell((one + other) / 2.0, extents, words)]
+            cells_of_range += [_cell(other, extents, f"{other:g}{unit}", is_point=True)]
+    return tuple(cells_of_range)
+
+
+def _cell(number: float, extents: Mapping[str, Extent], words: str, *, is_point: bool = False) -> Cell:
+    holding = frozenset(name for name, support in extents.items() if support.holds(number))
+    wholly = frozenset(name for name, support in extents.items() if support.is_full_at(number))
+    return Cell(holding, wholly, words, is_point)
+
+
+Scene = Mapping[str, Cell]
+"""A cell of each variable."""
+
+
+def acts(antecedent: Antecedent, scene: Scene) -> bool:
+    """Return whether an antecedent holds to any degree; a norm is above 0 if both sides are."""
+    if isinstance(antecedent, And):
+        return acts(antecedent.left, scene) and acts(antecedent.right, scene)
+    if isinstance(antecedent, Or):
+        return acts(antecedent.left, scene) or acts(antecedent.right, scene)
+    if Hedge.ANY in antecedent.hedges:
+        return True
+    cell = scene[antecedent.variable]
+    negations = antecedent.hedges.count(Hedge.NOT)
+    if negations > 1:
+        return True  # rare; True never causes a wrong finding
+    return antecedent.term in cell.holding if negations == 0 else antecedent.term not in cell.wholly
+
+
+def uncovered_ranges(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The terms of a number together cover its range, and each holds somewhere in it."""
+    for variable in scope.spec.context:
+        is_complete = faults.sound("context", variable.name) and scope.readable(
+            "context", variable.name, "terms", "range"
+        )
+        if not variable.terms or variable.is_derived or not is_complete or variable.type.range is None:
+            continue
+        variable_cells = cells(variable, scope.book.terms(variable))
+        place, path = variable.places.get("terms", variable.place), f"context.{variable.name}.terms"
+        for term in variable.terms:
+            if not any(term.name in cell.holding for cell in variable_cells):
+                message = f"term '{term.name}' of '{variable.name}' holds nowhere in its range"
+                help = "correct its parameters, or remove it"
+                yield finding("uncovered-range", message, term.place, path=f"{path}.{term.name}", help=help)
+        gap = next((cell for cell in variable_cells if not cell.holding and not cell.is_point), None)
+        if gap is not None and len(variable.terms) > 1:
+            message = f"no term of '{variable.name}' holds {gap.words}"
+            yield finding("uncovered-range", message, place, path=path, help="let neighbouring terms overlap")
+
+
+def idle_rules(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every rule can fire, and in every case some rule does."""
+    for section, output in scope.book.outputs:
+        read = scope.book.rules[section, output.name]
+        rules = [read_rule.rule for read_rule in read if read_rule.rule is not None]
+        if not faults.sound(section, output.name) or len(rules) < len(read) or not rules:
+            continue
+        if any(read_rule.problems for read_rule in read):
+            continue
+        scenes = list(_scenes(scope, faults, scope.book.named(section, output.name)))
+        if not scenes:
+            continue
+        yield from _never_acting(section, output, read, scenes)
+        yield from _uncovered(section, output, rules, scenes)
+
+
+_KEYS = ("type", "range", "values", "terms")
+
+
+def _scenes(scope: SpecIndex, faults: Silenced, names: tuple[str, ...]) -> Iterator[Scene]:
+    variables = [scope.book.variables[name] for name in names]
+    if any(range_of(variable) is None or not faults.sound("context", variable.name) for variable in variables):
+        return
+    if not all(scope.readable("context", name, *_KEYS) for name in names):
+        return
+    cells_of = [cells(variable, scope.book.terms(variable)) for variable in variables]
+    count = 1
+    for variable_cells in cells_of:
+        count *= len(variable_cells)
+    if count <= MAX_CELLS:
+        yield from (dict(zip(names, scene, strict=True)) for scene in product(*cells_of))
+
+
+def _never_acting(
+    section: str, output: Output, read: tuple[ParsedRule, ...], scenes: list[Scene]
+) -> Iterator[Diagnostic]:
+    for number, read_rule in enumerate(read):
+        if read_rule.rule is None:
+            continue
+        if read_rule.rule.weight == 0.0:
+            reason = "its weight is 0"
+        elif not any(acts(read_rule.rule.antecedent, scene) for scene in scenes):
+            reason = "its condition never holds"
+        else:
+            continue
+        message = f"this rule of '{output.name}' never fires: {reason}"
+        path = f"{section}.{output.name}.rules.{number}"
+        yield finding("idle-fuzzy-rule", message, read_rule.phrase.place, path=path, help="correct it, or remove it")
+
+
+def _uncovered(section: str, output: Output, rules: list[Rule], scenes: list[Scene]) -> Iterator[Diagnostic]:
+    silent = [
+        scene
+        for scene in scenes
+        if not any(cell.is_point for cell in scene.values())
+        and not any(rule.weight > 0.0 and acts(rule.antecedent, scene) for rule in rules)
+    ]
+    if silent:
+        shown = " and ".join(f"{name} is {cell.words}" for name, cell in silent[0].items())
+        more = f", and in {len(silent) - 1} more cases" if len(silent) > 1 else ""
+        message = f"no rule of '{output.name}' fires if {shown}{more}"
+        place = output.places.get("rules", output.place)
+        help = "add a rule: without one the output is unknown there"
+        yield finding("silent-combination", message, place, path=f"{section}.{output.name}.rules", help=help)
+
+
+def contradictory_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """No two rules of an output have the same condition."""
+    for section, output in scope.book.outputs:
+        first: dict[object, ParsedRule] = {}
+        for number, read_rule in enumerate(scope.book.rules[section, output.name]):
+            if read_rule.rule is None:
+                continue
+            other = first.setdefault(_meaning(read_rule.rule.antecedent), read_rule)
+            if other is read_rule or other.rule is None:
+                continue
+            same = other.rule.conclusions == read_rule.rule.conclusions
+            what = "repeats another one" if same else "contradicts another one"
+            message = f"this rule of '{output.name}' {what}: both have the same condition"
+            path = f"{section}.{output.name}.rules.{number}"
+            related = (Related("the other rule", other.phrase.place),)
+            help = "remove one of them" if same else "remove one of them, or change a condition"
+            yield finding(
+                "contradictory-fuzzy-rule", message, read_rule.phrase.place, path=path, help=help, related=related
+            )
+
+
+def _meaning(antecedent: Antecedent) -> object:
+    """Return a key of an antecedent that ignores the order of operands of the same operator."""
+    if isinstance(antecedent, Proposition):
+        return antecedent
+    kind = type(antecedent)
+    parts: set[object] = set()
+    waiting: list[Antecedent] = [antecedent]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, kind) and not isinstance(part, Proposition):
+            waiting += [part.left, part.right]
+        else:
+            parts.add(_meaning(part))
+    return kind, frozenset(parts)
+
+
+FIRING = (uncovered_ranges, idle_rules, contradictory_rules)
+"""The rules of this subject."""

@@ -1,0 +1,185 @@
+"""Phase 3 for loops: inputs of rules have ranges, rates are of numbers, and adaptations may set their variables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.language.check.index.parsed_rules import defuzzifier_of, output_terms, range_of
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.fuzzy.model import Term
+from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge, Shape
+from codra_dsl.language.load.elements.loops import snake_case
+from codra_dsl.language.model import ADAPTER, ANALYST, Course, Kind, Parameter, Variable
+from codra_dsl.language.units import ONE, UNITS, Unit, convert, parse_unit
+
+_NUMBERS = (Kind.INT, Kind.FLOAT)
+
+_OF_RULES = KEYWORDS | set(Hedge)
+
+
+def unfit_inputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every variable in a rule has a range; only numbers have terms."""
+    for variable in scope.spec.context:
+        if variable.terms and variable.type.kind not in _NUMBERS and not variable.is_derived:
+            message = f"context-variable '{variable.name}' is not a number, but has terms"
+            help = "remove them: rules use 'is true', or 'is MEMBER'"
+            place = variable.places.get("terms", variable.place)
+            yield finding("unfit-input", message, place, path=f"context.{variable.name}.terms", help=help)
+    for name in dict.fromkeys(name for key in scope.book.rules for name in scope.book.named(*key)):
+        read_variable = scope.book.variables.get(name)
+        is_complete = scope.readable("context", name, "range") and faults.sound("context", name)
+        if (
+            read_variable is not None
+            and is_complete
+            and range_of(read_variable) is None
+            and read_variable.type.kind in _NUMBERS
+        ):
+            message = f"rules read context-variable '{name}', which has no range"
+            help = "add 'range': while it is unknown, it counts as the whole range"
+            yield finding("unfit-input", message, read_variable.place, path=f"context.{name}", help=help)
+        if read_variable is not None and is_complete:
+            yield from _reserved_words(read_variable, scope.book.terms(read_variable))
+
+
+def _reserved_words(variable: Variable, terms: tuple[Term, ...]) -> Iterator[Diagnostic]:
+    """No term or member is a keyword of rules: `is any` would always hold."""
+    for term in terms:
+        if term.name in _OF_RULES:
+            key = "values" if variable.type.values else "terms"
+            message = f"rules read context-variable '{variable.name}', but '{term.name}' is a keyword of rules"
+            place, path = variable.places.get(key, variable.place), f"context.{variable.name}.{key}"
+            yield finding("unfit-input", message, place, path=path, help=f"rename '{term.name}'")
+
+
+def unfit_outputs(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """The terms of an output fit its defuzzification method."""
+    for section, output in scope.book.outputs:
+        method = defuzzifier_of(output)
+        weighted = method.is_weighted
+        constant = [term.name for term in output_terms(output) if term.shape is Shape.Constant]
+        if constant and not weighted:
+            message = (
+                f"term '{constant[0]}' of '{output.name}' is a number, but '{snake_case(method.value)}' needs shapes"
+            )
+            help = "write 'inference: takagi_sugeno', or give the term a shape"
+        elif weighted and len(constant) < len(output_terms(output)):
+            message = f"'{output.name}' adds up numbers, but not all of its terms are numbers"
+            help = "write its terms as 'constant 0.5'"
+        else:
+            continue
+        place = output.places.get("terms", output.places.get("defuzzifier", output.place))
+        yield finding("unfit-output", message, place, path=f"{section}.{output.name}", help=help)
+
+
+def unfit_rates(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """A rate is of a number that agents or observers write, has its unit per time, and enough readings are kept."""
+    for variable in scope.spec.context:
+        if variable.rate is None or not faults.sound("context", variable.name):
+            continue
+        of = scope.variables.get(variable.rate.of.name)
+        keys = ("type", "unit", "rate_of")
+        if of is None or not all(scope.readable("context", declared.name, *keys) for declared in (variable, of)):
+            continue
+        for message, help, key in _about_rate(variable, of):
+            place = variable.places.get(key, variable.place)
+            yield finding("unfit-rate", message, place, path=f"context.{variable.name}.{key}", help=help)
+
+
+def _about_rate(variable: Variable, of: Variable) -> Iterator[tuple[str, str, str]]:
+    subject = f"context-variable '{variable.name}'"
+    if [source.name for source in variable.sources] != [ANALYST]:
+        yield f"{subject} is a rate, which loops compute", "remove 'source'", "source"
+    if of.type.kind not in _NUMBERS:
+        yield f"{subject} is the rate of '{of.name}', which is not a number", "name a number", "rate_of"
+        return
+    if of.rate is not None or of.is_derived:
+        yield (
+            f"{subject} is the rate of '{of.name}', which loops compute",
+            "name a variable that agents write",
+            "rate_of",
+        )
+    if variable.type.kind is not Kind.FLOAT:
+        yield f"{subject} is a rate, but not a float", "write 'type: float'", "type"
+    elif rate_factor(variable, of) is None:
+        unit = f"{of.type.unit or '1'}/s"
+        yield (
+            f"{subject} does not have the unit of '{of.name}' per time",
+            f"write 'unit: {unit}', or per min or h",
+            "unit",
+        )
+    if of.history < _FEWEST:
+        yield f"'{of.name}' keeps {of.history} reading, but a rate needs more", "let it keep more", "rate_of"
+
+
+_FEWEST = 2
+
+
+def rate_factor(variable: Variable, of: Variable) -> float | None:
+    """Return the factor from a change of 1 per second to the unit of the rate; None if the units do not fit."""
+    base, wanted = _unit(of), _unit(variable)
+    if base is None or wanted is None:
+        return None
+    per_second = base / UNITS["s"]
+    if per_second.dimension != wanted.dimension:
+        return None
+    sign = -1.0 if variable.rate is not None and variable.rate.is_falling else 1.0
+    return sign * convert(1.0, per_second, wanted)
+
+
+def _unit(variable: Variable) -> Unit | None:
+    return ONE if variable.type.unit is None else parse_unit(variable.type.unit)
+
+
+def unfit_parameters(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every variable that an adaptation sets has it as its source, and no other adaptation sets the variable."""
+    first: dict[str, str] = {}
+    for adaptation in scope.spec.adaptation:
+        does = adaptation.does
+        if not isinstance(does, Parameter):
+            continue
+        name, path = does.variable.name, f"adaptation.{adaptation.name}.set"
+        variable = scope.variables.get(name)
+        other = first.setdefault(name, adaptation.name)
+        if other != adaptation.name:
+            message = f"adaptation '{other}' also sets '{name}'"
+            yield finding("two-adaptations", message, does.variable.place, path=path, help="set it in one of them")
+        if variable is None or not faults.sound("context", name) or not scope.readable("context", name, "source"):
+            continue
+        if ADAPTER not in (source.name for source in variable.sources) or variable.is_derived:
+            message = f"adaptation '{adaptation.name}' sets '{name}', but is not its source"
+            help = f"write 'source: {ADAPTER}' in the variable, or set another variable"
+            yield finding("foreign-parameter", message, does.variable.place, path=path, help=help)
+
+
+def senseless_times(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The numbers of an adaptation fit together."""
+    for adaptation in scope.spec.adaptation:
+        does = adaptation.does
+        for key, message, help in _about_times(does, adaptation.dwell_s) if isinstance(does, Course) else ():
+            is_complete = scope.readable("adaptation", adaptation.name, key, "choose")
+            if is_complete and faults.sound("adaptation", adaptation.name):
+                place = adaptation.places.get(key, adaptation.place)
+                path = f"adaptation.{adaptation.name}.{key}"
+                yield finding("senseless-filter", message, place, path=path, help=help)
+
+
+def _about_times(course: Course, dwell_s: float) -> Iterator[tuple[str, str, str]]:
+    if not 0.0 <= course.lead < 1.0:
+        message = f"a lead of {course.lead:g} is never reached: weights go from 0 to 1"
+        message = message if course.lead >= 1.0 else f"a lead of {course.lead:g} is negative"
+        yield "lead", message, "write a number from 0 up to below 1"
+    if course.hold_s > dwell_s > 0.0:
+        yield "hold", "'hold' is longer than 'dwell', which makes 'dwell' useless", "make 'hold' shorter than 'dwell'"
+    chosen = [reference.name for reference in course.choose]
+    if course.otherwise.name and course.otherwise.name not in chosen:
+        message = f"'{course.otherwise.name}' is not one of the actions under 'choose'"
+        yield "otherwise", message, "add it to 'choose', or name one of them"
+    for rule in course.always:
+        if rule.action.name not in chosen:
+            yield "always", f"'{rule.action.name}' is not one of the actions under 'choose'", "add it to 'choose'"
+
+
+LOOP_TYPES = (unfit_inputs, unfit_outputs, unfit_rates, unfit_parameters, senseless_times)
+"""The rules of this subject."""

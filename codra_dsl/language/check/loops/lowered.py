@@ -1,0 +1,191 @@
+"""The construction of `CheckedMape`: fuzzy engines from rules, and lowered conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from codra_dsl.language.check.checked.loops import (
+    CheckedAdaptation,
+    CheckedFuzzyRule,
+    CheckedInput,
+    CheckedLoop,
+    CheckedMape,
+    CheckedOutput,
+    CheckedRate,
+    CheckedStage,
+    CheckedTree,
+)
+from codra_dsl.language.check.index.parsed_rules import ParsedRules, defuzzifier_of, members, output_terms, range_of
+from codra_dsl.language.check.index.spec_index import SpecIndex
+from codra_dsl.language.check.loops.branches import chosen_values
+from codra_dsl.language.check.loops.inputs import rate_factor
+from codra_dsl.language.fuzzy.model import (
+    Activation,
+    Defuzzifier,
+    Engine,
+    InputVariable,
+    OutputVariable,
+    Proposition,
+    Rule,
+    RuleBlock,
+)
+from codra_dsl.language.fuzzy.words import Method
+from codra_dsl.language.fuzzy.write import rule_text
+from codra_dsl.language.model import Adaptation, Course, Loop, Output, Parameter, TreeElement, Variable, weight_name
+
+
+def checked_mape(scope: SpecIndex) -> CheckedMape | None:
+    """Return the loops of a sound spec; None if it declares none."""
+    spec = scope.spec
+    if not spec.adapts:
+        return None
+    return CheckedMape(
+        metrics=_stage(scope.book, "metrics", spec.metrics),
+        actions=_stage(scope.book, "actions", spec.actions),
+        rates=tuple(_rate(scope, variable) for variable in spec.context if variable.rate is not None),
+        adaptation=tuple(_adaptation(scope, adaptation) for adaptation in spec.adaptation),
+        trees=tuple(_tree(scope, tree) for tree in spec.trees),
+        loops=tuple(_loop(scope, loop) for loop in spec.loops),
+    )
+
+
+def _stage(book: ParsedRules, section: str, outputs: tuple[Output, ...]) -> CheckedStage | None:
+    if not outputs:
+        return None
+    names = dict.fromkeys(name for output in outputs for name in book.named(section, output.name))
+    inputs = tuple(_input(book, book.variables[name]) for name in names)
+    checked_outputs = tuple(
+        CheckedOutput(output=output, variable=output.name if section == "metrics" else weight_name(output.name))
+        for output in outputs
+    )
+    blocks = tuple(_block(book, section, checked) for checked in checked_outputs)
+    engine = Engine(
+        name=section,
+        inputs=tuple(
+            InputVariable(
+                name=checked_input.variable.name,
+                minimum=checked_input.minimum,
+                maximum=checked_input.maximum,
+                terms=checked_input.terms,
+            )
+            for checked_input in inputs
+        ),
+        outputs=tuple(map(_output, checked_outputs)),
+        blocks=blocks,
+    )
+    rules = tuple(
+        CheckedFuzzyRule(text=rule_text(rule), output=checked.output.name, place=phrase.place)
+        for checked, block in zip(checked_outputs, blocks, strict=True)
+        for rule, phrase in zip(block.rules, checked.output.rules, strict=True)
+    )
+    return CheckedStage(engine=engine, inputs=inputs, outputs=checked_outputs, rules=rules)
+
+
+def _input(book: ParsedRules, variable: Variable) -> CheckedInput:
+    low, high = range_of(variable) or (0.0, 0.0)
+    return CheckedInput(
+        variable=variable,
+        minimum=float(low),
+        maximum=float(high),
+        members=members(variable),
+        terms=book.terms(variable),
+    )
+
+
+def _output(checked: CheckedOutput) -> OutputVariable:
+    return OutputVariable(
+        name=checked.variable,
+        minimum=0.0,
+        maximum=1.0,
+        is_locked=True,
+        aggregation=checked.output.method.aggregation,
+        defuzzifier=Defuzzifier(method=defuzzifier_of(checked.output)),
+        terms=output_terms(checked.output),
+    )
+
+
+def _block(book: ParsedRules, section: str, checked: CheckedOutput) -> RuleBlock:
+    method = checked.output.method
+    rules = (read_rule.rule for read_rule in book.rules[section, checked.output.name])
+    return RuleBlock(
+        name=checked.output.name,
+        conjunction=method.conjunction,
+        disjunction=method.disjunction,
+        implication=method.implication,
+        activation=Activation(method=Method.GENERAL),
+        rules=tuple(_about(rule, checked.variable) for rule in rules if rule is not None),
+    )
+
+
+def _about(rule: Rule, variable: str) -> Rule:
+    concluded: tuple[Proposition, ...] = tuple(
+        replace(conclusion, variable=variable) for conclusion in rule.conclusions
+    )
+    return replace(rule, conclusions=concluded)
+
+
+def _rate(scope: SpecIndex, variable: Variable) -> CheckedRate:
+    assert variable.rate is not None
+    of = scope.variables[variable.rate.of.name]
+    factor = rate_factor(variable, of)
+    assert factor is not None
+    return CheckedRate(variable=variable, of=of.name, over_s=variable.rate.over_s, factor=factor)
+
+
+def _adaptation(scope: SpecIndex, adaptation: Adaptation) -> CheckedAdaptation:
+    does = adaptation.does
+    if isinstance(does, Parameter):
+        python: tuple[str, ...] = (scope.python(does.value, scope.context_types[does.variable.name]),)
+    else:
+        python = tuple(scope.python(rule.condition, None) for rule in does.always)
+    own = (site for site in scope.sites if site.owner == ("adaptation", adaptation.name))
+    reads = sorted({read.name for site in own for read in site.names})
+    return CheckedAdaptation(adaptation=adaptation, python=python, reads=tuple(reads))
+
+
+def _tree(scope: SpecIndex, tree: TreeElement) -> CheckedTree:
+    forest = scope.forests[tree.name][0]
+    assert forest is not None
+    entry, values = chosen_values(tree, forest.forest)
+    courses = (adaptation.name for adaptation in scope.spec.adaptation if _is_course_of(adaptation, tree.name))
+    tasks = dict.fromkeys(task.name for leaf in tree.leaves for task in leaf.tasks)
+    return CheckedTree(
+        element=tree, forest=forest, course=next(courses, ""), entry=entry, branches=values, tasks=tuple(tasks)
+    )
+
+
+def _is_course_of(adaptation: Adaptation, tree: str) -> bool:
+    return isinstance(adaptation.does, Course) and adaptation.does.within.name == tree
+
+
+def _loop(scope: SpecIndex, loop: Loop) -> CheckedLoop:
+    """Return a loop with the rates that its rules and conditions read; unread rates belong to the first loop."""
+    claimed = {claimant.name: tuple(_rates(scope, claimant)) for claimant in scope.spec.loops}
+    owners: dict[str, str] = {}
+    for owner, rates in claimed.items():
+        for rate in rates:
+            owners.setdefault(rate, owner)
+    for variable in scope.spec.context:
+        if variable.rate is not None:
+            owners.setdefault(variable.name, scope.spec.loops[0].name)
+    return CheckedLoop(loop=loop, rates=tuple(rate for rate in sorted(owners) if owners[rate] == loop.name))
+
+
+def _rates(scope: SpecIndex, loop: Loop) -> Iterator[str]:
+    names = {name for metric in loop.analyse for name in scope.book.named("metrics", metric.name)}
+    for adaptation in scope.spec.adaptation:
+        if adaptation.name in (reference.name for reference in loop.adapt):
+            does = adaptation.does
+            actions = [reference.name for reference in does.choose] if isinstance(does, Course) else []
+            names |= {name for action in actions for name in scope.book.named("actions", action)}
+            names |= {
+                read.name
+                for site in scope.sites
+                if site.owner == ("adaptation", adaptation.name)
+                for read in site.names
+            }
+    for name in sorted(names):
+        variable = scope.variables.get(name)
+        if variable is not None and variable.rate is not None:
+            yield name

@@ -1,0 +1,74 @@
+"""Phase 1 for loops: all names in rules, adaptations, trees and loops are declared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from codra_dsl.language.check.index.parsed_rules import ParsedRule
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.model import Course, Reference
+
+_READ_AS: Mapping[str, str] = {"fll-unknown-name": "unknown-in-fuzzy-rule"}
+
+
+def wrong_rules(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Every fuzzy rule can be parsed, and its variables and terms exist."""
+    if scope.spec.damaged.get("context") or scope.spec.damaged.get("metrics"):
+        return
+    for section, output in scope.book.outputs:
+        for number, rule in enumerate(scope.book.rules[section, output.name]):
+            for problem in rule.problems:
+                yield _about_rule(scope, rule, problem, f"{section}.{output.name}.rules.{number}")
+
+
+def _about_rule(scope: SpecIndex, rule: ParsedRule, problem: Diagnostic, path: str) -> Diagnostic:
+    place = rule.place_of(problem)
+    help = problem.help or "write 'if VARIABLE is TERM then TERM'"
+    word = rule.phrase.text[problem.place.span.column - 1 : problem.place.span.end_column - 1]
+    metric = word in scope.book.metrics and path.startswith("metrics.")
+    help = "use it in a rule of an action: rules of metrics read context" if metric else help
+    return finding(_READ_AS.get(problem.rule.name, "fuzzy-rule-syntax"), problem.message, place, path=path, help=help)
+
+
+def unknown_parts(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """All names in adaptations, trees and loops are declared."""
+    for section, noun, reference, path in _named(scope):
+        if scope.declares(section, reference.name) or not reference.name or scope.lost(section):
+            continue
+        element = path.split(".")
+        user = f"{_NOUNS[element[0]]} '{element[1]}'"
+        near = scope.nearest(reference.name, section, scope.names(section))
+        help = f"did you mean '{near}'?" if near else f"declare '{reference.name}' under '{section}'"
+        message = f"unknown {noun} '{reference.name}' in {user}"
+        yield finding("unknown-part", message, reference.place, path=path, help=help)
+
+
+_NOUNS = {"adaptation": "adaptation", "trees": "tree", "loops": "loop"}
+
+
+def _named(scope: SpecIndex) -> Iterator[tuple[str, str, Reference, str]]:
+    """Yield the section, its noun, the name and the path of each reference in loops and their parts."""
+    for adaptation in scope.spec.adaptation:
+        path, does = f"adaptation.{adaptation.name}", adaptation.does
+        if isinstance(does, Course):
+            named = (*does.choose, *(rule.action for rule in does.always), does.otherwise)
+            yield from (("actions", "action", reference, path) for reference in named)
+            yield "trees", "tree", does.within, f"{path}.in"
+    for tree in scope.spec.trees:
+        path = f"trees.{tree.name}"
+        yield from (("actions", "action", action, f"{path}.course") for action, _ in tree.course)
+        if tree.agent is not None:
+            yield "agents", "agent", tree.agent, f"{path}.agent"
+        yield from (("tasks", "task", task, f"{path}.leaves") for leaf in tree.leaves for task in leaf.tasks)
+    for loop in scope.spec.loops:
+        path = f"loops.{loop.name}"
+        yield from (("agents", "agent", reference, f"{path}.monitor") for reference in loop.monitor)
+        yield from (("metrics", "metric", reference, f"{path}.analyse") for reference in loop.analyse)
+        yield from (("adaptation", "adaptation", reference, f"{path}.adapt") for reference in loop.adapt)
+        yield from (("trees", "tree", reference, f"{path}.execute") for reference in loop.execute)
+
+
+LOOP_NAMES = (wrong_rules, unknown_parts)
+"""The rules of this subject."""

@@ -1,0 +1,108 @@
+"""Phases 4 and 5 for loops: each part belongs to one loop, and all results are used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT
+from codra_dsl.language.check.index.mentions import references
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.expression import reads_of
+from codra_dsl.language.model import Adaptation, Course, Loop, Output, Reference, TreeElement
+
+_KEYS = ("analyse", "adapt", "execute")
+_SECTIONS = (("metrics", "analyse", "computes"), ("adaptation", "adapt", "makes"), ("trees", "execute", "executes"))
+
+
+def parts_of_loops(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every metric, adaptation and tree belongs to one loop."""
+    if any(scope.lost(section) for section in ("metrics", "adaptation", "trees")) or scope.lost("loops", *_KEYS):
+        return
+    if not all(faults.sound("loops", loop.name) for loop in scope.spec.loops):
+        return
+    elements: Mapping[str, tuple[Output | Adaptation | TreeElement, ...]] = {
+        "metrics": scope.spec.metrics,
+        "adaptation": scope.spec.adaptation,
+        "trees": scope.spec.trees,
+    }
+    for section, key, does in _SECTIONS:
+        owners: dict[str, tuple[Loop, Reference]] = {}
+        for loop in scope.spec.loops:
+            for reference in getattr(loop, key):
+                owner, first = owners.setdefault(reference.name, (loop, reference))
+                if owner is not loop:
+                    message = f"loop '{owner.name}' also {does} '{reference.name}'"
+                    related = (Related("the other entry", first.place),)
+                    path = f"loops.{loop.name}.{key}"
+                    help = "name it in one of them"
+                    yield finding("two-loops", message, reference.place, path=path, help=help, related=related)
+        for element in elements[section]:
+            if element.name not in owners:
+                message = f"no loop {does} '{element.name}'"
+                path, help = f"{section}.{element.name}", f"name it under '{key}' of a loop, or remove it"
+                yield finding("part-without-loop", message, element.place, path=path, help=help)
+
+
+def split_courses(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """The loop that adapts a course also executes its tree, and each tree has one course."""
+    first: dict[str, Adaptation] = {}
+    for adaptation in scope.spec.adaptation:
+        does = adaptation.does
+        if not isinstance(does, Course):
+            continue
+        path = f"adaptation.{adaptation.name}.in"
+        other = first.setdefault(does.within.name, adaptation)
+        if other is not adaptation:
+            message = f"adaptation '{other.name}' also chooses the course of tree '{does.within.name}'"
+            help = "put all actions under 'choose' of one of them"
+            yield finding("two-adaptations", message, does.within.place, path=path, help=help)
+        makes = [loop for loop in scope.spec.loops if adaptation.name in _names(loop.adapt)]
+        if makes and not any(does.within.name in _names(loop.execute) for loop in makes):
+            loops = [loop.name for loop in scope.spec.loops if does.within.name in _names(loop.execute)]
+            where = f"which loop '{loops[0]}' executes" if loops else "which no loop executes"
+            message = f"loop '{makes[0].name}' chooses the course of tree '{does.within.name}', {where}"
+            help = f"name '{does.within.name}' under 'execute' of loop '{makes[0].name}'"
+            yield finding("two-loops", message, does.within.place, path=path, help=help)
+
+
+_READERS = {
+    "metrics": ("rules",),
+    "actions": ("rules",),
+    "adaptation": ("choose", "always", "value"),
+    "agents": ("reads",),
+}
+
+
+def unread_outputs(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every metric is read, and every action can be chosen."""
+    if any(scope.lost(section, *keys) for section, keys in _READERS.items()):
+        return
+    read = {name for key in scope.book.rules for name in scope.book.named(*key)}
+    read |= {mention.name for mention in references(scope)}
+    read |= {reads_of(name.name)[2] for site in scope.sites if site.role in OVER_CONTEXT for name in site.names}
+    read |= {reference.name for agent in scope.spec.agents for reference in agent.conduct.reads}
+    for metric in scope.spec.metrics:
+        if metric.name not in read and faults.sound("metrics", metric.name):
+            message = f"nothing reads metric '{metric.name}'"
+            help = "name it in a rule of an action or in an adaptation, or remove it"
+            yield finding("unread-output", message, metric.place, path=f"metrics.{metric.name}", help=help)
+    courses = [adaptation.does for adaptation in scope.spec.adaptation if isinstance(adaptation.does, Course)]
+    chosen = {reference.name for course in courses for reference in course.choose}
+    for action in scope.spec.actions:
+        if action.name not in chosen and faults.sound("actions", action.name):
+            message = f"no adaptation chooses action '{action.name}'"
+            help = "name it under 'choose' of an adaptation, or remove it"
+            yield finding("unread-output", message, action.place, path=f"actions.{action.name}", help=help)
+
+
+def _names(references_: tuple[Reference, ...]) -> list[str]:
+    return [reference.name for reference in references_]
+
+
+LOOP_PARTS = (parts_of_loops, split_courses)
+"""The rules of phase 4."""
+
+LOOP_LEFTOVERS = (unread_outputs,)
+"""The rules of phase 5."""

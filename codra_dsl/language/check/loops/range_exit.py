@@ -1,0 +1,91 @@
+"""Phase 5 for loops: values of adaptations outside the range of the variable that they set."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+
+from codra_dsl.language.check.conditions.types import Type
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.loops.feedback import set_variables
+from codra_dsl.language.check.solver.intervals import Interval, Number, in_base
+from codra_dsl.language.check.solver.satisfiable import can_hold
+from codra_dsl.language.check.solver.values import AGES, UNKNOWN, Context, age_key, known_values, outcomes
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.expression import Choice, Compare, Comparison, Name, Node, Not, names_in
+from codra_dsl.language.model import Parameter
+
+_END = "the end of the range"
+"""A name that no condition can have."""
+
+
+def leaving_values(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """The value that an adaptation sets is in the range of the variable, as far as the ranges of its inputs show."""
+    for adaptation, own, tree in set_variables(scope, faults):
+        wanted, variable = scope.context_types[own], scope.variables[own]
+        if wanted is None or wanted.range is None or not isinstance(adaptation.does, Parameter):
+            continue
+        low, high = (f"{end:g}" if end else "0" for end in wanted.range)
+        unit = "" if variable.type.unit is None else f" {wanted.unit}"
+        for branch, held in _branches(tree, ()):
+            sides = [_SIDES[operator] for operator in _left(scope, wanted, branch, held)]
+            if sides:
+                shown = " or ".join(sides).format(low=f"{low}{unit}", high=f"{high}{unit}")
+                yield finding(
+                    "value-leaves-range",
+                    f"adaptation '{adaptation.name}' can set '{own}' to {shown}, outside of its range",
+                    adaptation.does.value.place_of(branch),
+                    path=f"adaptation.{adaptation.name}.value",
+                    help=f"keep the value in [{low}, {high}]{unit}, e.g. with 'min' and 'max', or write a wider range",
+                    related=(Related("declared here", variable.type.places.get("range", variable.place)),),
+                )
+
+
+_SIDES = {Comparison.LESS: "less than {low}", Comparison.GREATER: "more than {high}"}
+
+
+def _branches(tree: Node, held: Sequence[Node]) -> Iterator[tuple[Node, Sequence[Node]]]:
+    """Yield each branch of a value that is a choice, with the conditions that hold then."""
+    if not isinstance(tree, Choice):
+        yield tree, held
+        return
+    yield from _branches(tree.then, (*held, tree.condition))
+    yield from _branches(tree.otherwise, (*held, Not(start=0, end=0, operand=tree.condition)))
+
+
+def _left(scope: SpecIndex, wanted: Type, branch: Node, held: Sequence[Node]) -> Iterator[Comparison]:
+    """Yield the sides on which a value can leave the range of its variable.
+
+    If a name in it has no range, or occurs twice, a side counts only if the value is certainly there.
+    """
+    types = scope.context_types
+    mentioned = [mention.name for mention in names_in(branch)]
+    names = set(mentioned)
+    is_exact = len(names) == len(mentioned)
+    values = {name: known_values(types.get(name)) | UNKNOWN for name in names}
+    results = outcomes(branch, Context(values | {age_key(name): AGES for name in names}))
+    numbers = [result for result in results if isinstance(result, Interval)]
+    assert wanted.range is not None
+    for operator, end in zip(_SIDES, wanted.range, strict=True):
+        limit = in_base(end, wanted.unit)
+        if any(
+            _is_beyond(interval, operator, limit) or (is_exact and _ends(interval, operator)) for interval in numbers
+        ):
+            point = Type(wanted.kind, wanted.unit, range=(end, end))
+            beyond = Compare(start=0, end=0, first=branch, rest=((operator, Name(start=0, end=0, name=_END)),))
+            if can_hold([*held, beyond], (), {**types, _END: point}):
+                yield operator
+
+
+def _ends(numbers: Interval, operator: Comparison) -> bool:
+    """Return whether some numbers have a finite end on one side."""
+    return isinstance(numbers.low if operator is Comparison.LESS else numbers.high, Fraction)
+
+
+def _is_beyond(numbers: Interval, operator: Comparison, limit: Number) -> bool:
+    return numbers.high < limit if operator is Comparison.LESS else numbers.low > limit
+
+
+LEAVING = (leaving_values,)
+"""The rules of this subject."""

@@ -1,0 +1,1 @@
+"""Checks of names: undeclared, misspelt, declared twice."""

@@ -1,0 +1,192 @@
+"""All checks in their order, and the construction of the `CheckedSpec`.
+
+An error in one phase silences later phases about the same element only, so that one run reports every cause once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+from codra_dsl.language.behavior_trees.named import UNREAD, Read
+from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondition, CheckedExpectation, CheckedSpec
+from codra_dsl.language.check.conditions.conditions import parts_of
+from codra_dsl.language.check.conditions.lowering import python_text
+from codra_dsl.language.check.conditions.types import Type
+from codra_dsl.language.check.graph.cycles import GRAPH, feedback
+from codra_dsl.language.check.graph.sources import SOURCES
+from codra_dsl.language.check.index.corrections import corrected
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.knowledge.chains import CHAINS
+from codra_dsl.language.check.knowledge.ends import KNOWLEDGE_TYPES
+from codra_dsl.language.check.knowledge.frames import FRAMES
+from codra_dsl.language.check.knowledge.handovers import HANDOVERS
+from codra_dsl.language.check.knowledge.lowered import checked_knowledge
+from codra_dsl.language.check.knowledge.names import KNOWLEDGE_NAMES
+from codra_dsl.language.check.knowledge.owners import OWNERS
+from codra_dsl.language.check.knowledge.posed import POSED, python_of_poses
+from codra_dsl.language.check.knowledge.stale import TRUSTED_POSES
+from codra_dsl.language.check.knowledge.triplets import TRIPLETS
+from codra_dsl.language.check.knowledge.unused import KNOWLEDGE_LEFTOVERS
+from codra_dsl.language.check.loops.branches import BRANCHES, TREE_FILES
+from codra_dsl.language.check.loops.feedback import FED_BACK, SELF_DEFEATING
+from codra_dsl.language.check.loops.firing import FIRING
+from codra_dsl.language.check.loops.inputs import LOOP_TYPES
+from codra_dsl.language.check.loops.lowered import checked_mape
+from codra_dsl.language.check.loops.names import LOOP_NAMES
+from codra_dsl.language.check.loops.parts import LOOP_LEFTOVERS, LOOP_PARTS
+from codra_dsl.language.check.loops.range_exit import LEAVING
+from codra_dsl.language.check.names.names import NAMES
+from codra_dsl.language.check.quality import QUALITY
+from codra_dsl.language.check.types.condition_types import TYPES
+from codra_dsl.language.check.types.members import members_to_blame
+from codra_dsl.language.diagnostics import Diagnostic, Severity, has_binding_errors, in_file_order, once_per_template
+from codra_dsl.language.expression import Name
+from codra_dsl.language.model import Algorithm, Condition, Expectation, Hysteresis, Identification, Members, Skill, Spec
+
+Rule = Callable[[SpecIndex, Silenced], Iterator[Diagnostic]]
+
+NO_TREES: Mapping[str, Read] = {}
+"""The trees of a spec that names none."""
+
+PHASES: tuple[tuple[Rule, ...], ...] = (
+    (*NAMES, *KNOWLEDGE_NAMES, *LOOP_NAMES, *TREE_FILES),
+    (*SOURCES, *OWNERS),
+    (*TYPES, *KNOWLEDGE_TYPES, *POSED, *LOOP_TYPES),
+    (*GRAPH, *FRAMES, *HANDOVERS, *TRIPLETS, *CHAINS, *LOOP_PARTS, *BRANCHES, *SELF_DEFEATING),
+    (*QUALITY, *KNOWLEDGE_LEFTOVERS, *TRUSTED_POSES, *FIRING, *LOOP_LEFTOVERS, *FED_BACK, *LEAVING),
+)
+"""The rules of each phase."""
+
+
+def check(spec: Spec, forests: Mapping[str, Read] = NO_TREES) -> tuple[CheckedSpec | None, tuple[Diagnostic, ...]]:
+    """Return the checked spec, or None if there is a binding error, and all findings in file order.
+
+    `forests` is the result of `codra_dsl.language.behavior_trees.named.read_trees` for the trees that the spec names.
+
+    Keys that `load` marked as damaged are not checked and cause no findings about other elements. A spec with damaged
+    keys is never returned, even if it has no other error. Misspelt names are read as the intended ones.
+    """
+    scope = SpecIndex(spec, forests)
+    faults = Silenced()
+    findings: list[Diagnostic] = []
+    for phase in PHASES:
+        diagnostics = [diagnostic for rule in phase for diagnostic in rule(scope, faults)]
+        if any(diagnostic.rule.name == "unknown-member" for diagnostic in diagnostics):
+            scope, diagnostics = _with_corrected_members(scope, faults, phase, diagnostics)
+        findings += diagnostics
+        faults = Silenced(faults.elements | _elements(diagnostics), scope.suggested)
+        if scope.corrections:
+            scope = SpecIndex(corrected(scope.spec, scope.corrections), forests)
+    findings_in_order = in_file_order(once_per_template(findings))
+    damaged = any(spec.damaged.values()) or any(forests.get(tree.name, UNREAD)[0] is None for tree in spec.trees)
+    return (None if damaged or has_binding_errors(findings) else _checked(scope)), findings_in_order
+
+
+def _with_corrected_members(
+    scope: SpecIndex, faults: Silenced, phase: Sequence[Rule], diagnostics: list[Diagnostic]
+) -> tuple[SpecIndex, list[Diagnostic]]:
+    """Return the findings of a phase after wrong declarations of members are reported and corrected."""
+    reported = list(members_to_blame(scope))
+    if not reported:
+        return scope, diagnostics
+    corrected_scope = SpecIndex(corrected(scope.spec, scope.corrections), scope.forests)
+    return corrected_scope, reported + [diagnostic for rule in phase for diagnostic in rule(corrected_scope, faults)]
+
+
+def _elements(diagnostics: Iterable[Diagnostic]) -> frozenset[tuple[str, str]]:
+    """Return the elements with errors: the first two steps of their paths. A file of trees is not an element."""
+    paths = (
+        diagnostic.path.removeprefix("knowledge.")
+        for diagnostic in diagnostics
+        if diagnostic.severity is Severity.ERROR
+    )
+    errors = (path.split(".") for path in paths if "." in path)
+    return frozenset((section, name) for section, name, *_ in errors)
+
+
+def _checked(scope: SpecIndex) -> CheckedSpec:
+    fed_back = feedback(scope)
+    algorithms = {
+        name: _checked_algorithm(scope, algorithm, fed_back.get(name, ()))
+        for name, algorithm in scope.algorithms.items()
+    }
+    return CheckedSpec(
+        spec=scope.spec,
+        variables=scope.variables,
+        algorithms=algorithms,
+        producers=scope.producers,
+        decisions=scope.decisions,
+        expectations={skill.name: _checked_expectations(scope, skill) for skill in scope.spec.skills},
+        poses=python_of_poses(scope),
+        knowledge=checked_knowledge(scope),
+        mape=checked_mape(scope),
+    )
+
+
+def _checked_expectations(scope: SpecIndex, skill: Skill) -> tuple[CheckedExpectation, ...]:
+    return tuple(
+        CheckedExpectation(
+            text=_expectation_text(expectation, expectation.condition),
+            python=scope.python(expectation.condition, None),
+            within_s=expectation.within_s,
+        )
+        for expectation in skill.monitor
+        if expectation.condition is not None
+    )
+
+
+def _expectation_text(expectation: Expectation, condition: Condition) -> str:
+    """Return an expectation as it is written in a spec."""
+    name = expectation.variable.name
+    value = condition.text.removeprefix(name).strip().removeprefix("==").strip()
+    within = "" if expectation.within_s is None else f" within {expectation.within_s:g} s"
+    return f"{name} {expectation.expected} {value}{within}"
+
+
+def _checked_algorithm(scope: SpecIndex, algorithm: Algorithm, fed_back: Sequence[str]) -> CheckedAlgorithm:
+    return CheckedAlgorithm(
+        algorithm=algorithm,
+        observable_when=tuple(_checked_condition(scope, condition) for condition in algorithm.observable_when),
+        accept_when=tuple(_checked_condition(scope, condition) for condition in algorithm.accept_when),
+        identifies=tuple(
+            (entry.variable.name, _checked_identification(scope, entry)) for entry in algorithm.identifies
+        ),
+        waits_for=tuple(sorted(set(scope.needs[algorithm.name]) - set(fed_back))),
+        feedback=tuple(fed_back),
+    )
+
+
+def _checked_condition(scope: SpecIndex, condition: Condition, wanted: Type | None = None) -> CheckedCondition:
+    judgement = scope.judgements[id(condition)]
+    return CheckedCondition(
+        text=condition.text,
+        python=scope.python(condition, wanted),
+        variables=_sorted_names(judgement.site.names),
+        place=condition.place,
+    )
+
+
+def _sorted_names(names: tuple[Name, ...]) -> tuple[str, ...]:
+    return (names[0].name,) if len(names) == 1 else tuple(sorted({name.name for name in names}))
+
+
+def _checked_identification(scope: SpecIndex, entry: Identification) -> CheckedCondition:
+    by = entry.by
+    if isinstance(by, Condition):
+        return _checked_condition(scope, by, scope.context_types[entry.variable.name])
+    parts = [_checked_condition(scope, condition) for condition in parts_of(entry)]
+    if isinstance(by, Members):
+        members = [member.name for member, _ in by.cases]
+        text = "; ".join(f"{member}: {part.text}" for member, part in zip(members, parts, strict=True))
+        cases = (f"({python_text(member)}, {part.python})" for member, part in zip(members, parts, strict=True))
+        python = f"first_of({', '.join(cases)})"
+    elif len(parts) == 1:
+        text, python = parts[0].text, parts[0].python
+    else:
+        text = f"enter: {parts[0].text}; leave: {parts[1].text}"
+        python = f"between({parts[0].python}, {parts[1].python})"
+    if isinstance(by, Hysteresis) and by.confirm is not None:
+        needed, among = by.confirm
+        text, python = f"{text}; confirm: {needed} of {among}", f"confirmed({python}, {needed}, {among})"
+    variables = sorted({name for part in parts for name in part.variables})
+    return CheckedCondition(text=text, python=python, variables=tuple(variables), place=by.place)

@@ -1,0 +1,15 @@
+"""Phase 5: misleading context, and unused context. `docs/reference/context-quality.md` defines the rules.
+
+A rule reports a defect only if it follows from the spec with certainty, and nothing if two readings are possible.
+"""
+
+from codra_dsl.language.check.quality.conditions import CONDITIONS
+from codra_dsl.language.check.quality.decisions import DECISIONS
+from codra_dsl.language.check.quality.times import TIMES
+from codra_dsl.language.check.quality.trust import TRUST
+from codra_dsl.language.check.quality.unused import LEFTOVERS
+
+QUALITY = (*TRUST, *CONDITIONS, *DECISIONS, *TIMES, *LEFTOVERS)
+"""The rules of this phase."""
+
+__all__ = ["QUALITY"]

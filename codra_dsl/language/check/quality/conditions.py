@@ -1,0 +1,232 @@
+"""Conditions over results that can never hold, and conditions that always hold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
+from codra_dsl.language.check.conditions.types import Types
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.solver.contradictions import (
+    Stated,
+    contradiction,
+    limits_of,
+    never_true,
+    related_to,
+    stated,
+    without_ranges,
+)
+from codra_dsl.language.check.solver.satisfiable import always_holds
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.expression import Name, Node, Not, Truth, names_in, spelt_out
+from codra_dsl.language.model import Algorithm, Condition, Hysteresis, Identification, Kind, Members, Returned, Variable
+
+MAX_MEMBERS = 30
+"""The maximum number of members that later ones are compared with."""
+
+MAX_NAMED = 5
+"""The maximum number of further members in a finding."""
+
+
+def never_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Some result can be accepted, and can give each variable each value that has a condition."""
+    yield from _once_per_shape(scope, faults, _never_holding)
+
+
+def _never_holding(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    accepted = tuple(_stated(scope, algorithm.accept_when))
+    types = scope.returned_types[algorithm.name]
+    core = contradiction(accepted, types)
+    if core:
+        yield _never_true(algorithm, "accept_when", "rejects every result", core, types)
+        return
+    for entry in algorithm.identifies:
+        if faults.sound("context", entry.variable.name) and entry.variable.name in scope.variables:
+            yield from _never_identified(scope, algorithm, entry, accepted)
+
+
+def always_holding(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every condition is false for some value; otherwise it has no effect."""
+    for algorithm in scope.algorithms.values():
+        if not faults.sound("perception", algorithm.name):
+            continue
+        context = scope.context_types
+        for condition in _listed(scope, algorithm.observable_when):
+            if always_holds(condition.tree, context):
+                declared = [scope.variables[name] for name in _names(condition) if name in scope.variables]
+                yield _always(algorithm, "observable_when", condition, context, declared)
+    yield from _once_per_shape(scope, faults, _always_holding)
+
+
+def _always_holding(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    returned = scope.returned_types[algorithm.name]
+    absent = frozenset(returned_value.name for returned_value in algorithm.returns if returned_value.optional)
+    for condition in _listed(scope, algorithm.accept_when):
+        if always_holds(condition.tree, returned, absent=absent):
+            yield _always(algorithm, "accept_when", condition, returned, algorithm.returns)
+    for entry in algorithm.identifies:
+        for condition in _truths(scope, faults, entry):
+            if always_holds(condition.tree, returned, absent=absent):
+                key = f"identifies.{entry.variable.name}"
+                yield _always(algorithm, key, condition, returned, algorithm.returns)
+
+
+CONDITIONS = (never_holding, always_holding)
+"""The rules of this subject."""
+
+
+def _once_per_shape(
+    scope: SpecIndex, faults: Silenced, rule: Callable[[SpecIndex, Silenced, Algorithm], Iterable[Diagnostic]]
+) -> Iterator[Diagnostic]:
+    """Yield the findings of a rule about the use of results, for each algorithm.
+
+    Many algorithms of a large spec are alike: if one has no finding, all algorithms with the same shape have none.
+    """
+    right: set[object] = set()
+    for algorithm in scope.algorithms.values():
+        if faults.sound("perception", algorithm.name):
+            shape = scope.shape_over_results(algorithm, faults)
+            findings = () if shape in right else tuple(rule(scope, faults, algorithm))
+            yield from findings
+            if not findings:
+                right.add(shape)
+
+
+def _stated(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+    """Yield the conditions without a problem."""
+    for condition in conditions:
+        judgement = scope.judgement(condition)
+        if judgement is not None and not judgement.problems:
+            yield stated(condition, spelt_out(judgement.typed.node))
+
+
+def _listed(scope: SpecIndex, conditions: Iterable[Condition]) -> Iterator[Stated]:
+    """Yield the conditions of a list, each part of an `and` separately, without plain names and their negations."""
+    for condition in conditions:
+        for conjunction in _stated(scope, [condition]):
+            for part in conjunction.parts or (conjunction,):
+                if not isinstance(part.tree.operand if isinstance(part.tree, Not) else part.tree, Name):
+                    yield part
+
+
+def _names(condition: Stated) -> Iterable[str]:
+    return dict.fromkeys(name.name for name in names_in(condition.tree))
+
+
+def _truths(scope: SpecIndex, faults: Silenced, entry: Identification) -> Iterator[Stated]:
+    """Yield the condition under which a bool is True, unless it is a literal, which is intended."""
+    variable = scope.variables.get(entry.variable.name)
+    by = entry.by.enter if isinstance(entry.by, Hysteresis) else entry.by
+    if variable is None or not faults.sound("context", variable.name) or not isinstance(by, Condition):
+        return
+    if _is_bool(scope, entry):
+        yield from (condition for condition in _stated(scope, [by]) if not isinstance(condition.tree, (Truth, Name)))
+
+
+def _always(
+    algorithm: Algorithm, key: str, always: Stated, types: Types, declared: Iterable[Variable | Returned]
+) -> Diagnostic:
+    by_range = not always_holds(always.tree, without_ranges(types, [always.tree]))
+    names = tuple(_names(always))
+    place = f"'{key.partition('.')[0]}' of algorithm '{algorithm.name}'"
+    known = f"remove it, or write 'known({names[0]})' if that is intended" if names else "remove it"
+    ways = {"observable_when": known, "accept_when": "change the condition, or remove it"}
+    return finding(
+        "always-holds",
+        f"'{always.text}' holds for every possible value ({place})",
+        always.place,
+        path=f"perception.{algorithm.name}.{key}",
+        help=ways.get(key, "change the condition: as it is, the variable is never False"),
+        related=tuple(limits_of([always.tree], declared)) if by_range else (),
+    )
+
+
+def _never_identified(
+    scope: SpecIndex, algorithm: Algorithm, entry: Identification, accepted: tuple[Stated, ...]
+) -> Iterator[Diagnostic]:
+    """Yield findings about values that a variable never gets, one for all values with the same cause."""
+    types = scope.returned_types[algorithm.name]
+    before: dict[str, tuple[str, Stated]] = {}
+    shadowed: dict[tuple[str, ...], list[tuple[str, Stated]]] = {}
+    for value, condition in _values(scope, entry):
+        for own in _stated(scope, [condition]):
+            if isinstance(own.tree, Truth) and not own.tree.value:
+                continue
+            core = contradiction((*accepted, own), types)
+            if core:
+                name = entry.variable.name
+                yield _never_true(algorithm, f"identifies.{name}", f"never identifies '{name}' as {value}", core, types)
+                continue
+            if len(before) == MAX_MEMBERS:
+                break
+            if not before:
+                before[value] = value, own
+                continue
+            denied = [Stated(_denial(other), other.text, other.place) for _, other in before.values()]
+            behind = contradiction((*accepted, *denied, own), types)
+            blocking = [name for name, denial in zip(before, denied, strict=True) if denial in behind]
+            if behind:
+                shadowed.setdefault(tuple(blocking), []).append((value, own))
+            else:
+                before[value] = value, own
+    for names, values in shadowed.items():
+        if not isinstance(entry.by, Hysteresis) or not always_holds(before["true"][1].tree, types):
+            yield _never_first(algorithm, entry, values, [before[name] for name in names])
+
+
+def _values(scope: SpecIndex, entry: Identification) -> Iterator[tuple[str, Condition]]:
+    """Yield the values of a variable with their conditions, in the order in which they are tried."""
+    by = entry.by
+    if isinstance(by, Members):
+        yield from ((f"'{member.name}'", condition) for member, condition in by.cases)
+    elif isinstance(by, Hysteresis):
+        yield "true", by.enter
+        if by.leave is not None:
+            yield "false", by.leave
+    elif _is_bool(scope, entry):
+        yield "true", by
+
+
+def _is_bool(scope: SpecIndex, entry: Identification) -> bool:
+    declared = scope.context_types.get(entry.variable.name)
+    return declared is not None and declared.kind is Kind.BOOL
+
+
+def _denial(condition: Stated) -> Node:
+    return Not(start=condition.tree.start, end=condition.tree.end, operand=condition.tree)
+
+
+def _never_true(algorithm: Algorithm, key: str, effect: str, core: Sequence[Stated], types: Types) -> Diagnostic:
+    return finding(
+        "never-holds",
+        f"algorithm '{algorithm.name}' {effect}: {never_true(core)}",
+        core[-1].place,
+        path=f"perception.{algorithm.name}.{key}",
+        help="change the condition",
+        related=tuple(related_to(core, types, algorithm.returns)),
+    )
+
+
+def _never_first(
+    algorithm: Algorithm,
+    entry: Identification,
+    values: Sequence[tuple[str, Stated]],
+    blocking: Sequence[tuple[str, Stated]],
+) -> Diagnostic:
+    name = entry.variable.name
+    (value, first), *others = values
+    wider = " or ".join(f"'{condition.text}'" for _, condition in blocking)
+    return finding(
+        "never-holds",
+        f"algorithm '{algorithm.name}' never identifies '{name}' as {value}: whenever '{first.text}' holds, "
+        f"{wider} above it also holds",
+        first.place,
+        path=f"perception.{algorithm.name}.identifies.{name}",
+        help="change the order: the first condition that holds gives the value"
+        if isinstance(entry.by, Members)
+        else "change the condition",
+        related=(
+            *(Related("holds whenever it does", condition.place) for _, condition in blocking),
+            *(Related(f"it is never {other} either", condition.place) for other, condition in others[:MAX_NAMED]),
+        ),
+    )

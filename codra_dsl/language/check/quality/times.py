@@ -1,0 +1,290 @@
+"""Values that become stale before newer ones are available, overloaded slots, and ineffective `on_event`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.language import graph
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import OBSERVER, Group, Silenced, SpecIndex, watched_by
+from codra_dsl.language.check.solver.ages import upper_bounds
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.model import (
+    DEFAULT_PERIOD_S,
+    FOREVER_S,
+    Access,
+    Algorithm,
+    ObserverSetting,
+    Refresh,
+    Resource,
+    Skill,
+    Variable,
+    needed_of,
+)
+
+MAX_VISITS = 300_000
+"""The maximum number of visited variables, for all skills together; later skills are skipped."""
+
+_ROUNDING = 1e-9
+
+MAX_NAMED = 5
+"""The maximum number of algorithms in a finding about a resource."""
+
+
+@dataclass(frozen=True, slots=True)
+class Renewal:
+    """How an algorithm renews evidence: it looks again a pause after it began, and has its result within its timeout.
+
+    Attributes:
+        period_s: the period of its observer.
+        setting: the entry under `observers` that sets the period.
+    """
+
+    algorithm: Algorithm
+    period_s: float
+    setting: ObserverSetting | None
+
+    @property
+    def pause_s(self) -> float:
+        """Return the time between the starts of two looks."""
+        return max(self.period_s, self.algorithm.min_interval_s)
+
+    @property
+    def oldest_s(self) -> float:
+        """Return the maximum age of evidence when newer evidence replaces it."""
+        return round(self.pause_s + self.algorithm.timeout_s, 9)
+
+    def confirming_s(self, variable: str) -> float:
+        """Return the maximum age of the first result that confirms a variable when the last one arrives."""
+        needed = max(needed_of(entry) for entry in self.algorithm.identifies if entry.variable.name == variable)
+        return round((needed - 1) * max(self.pause_s, self.algorithm.timeout_s), 9)
+
+
+def stale_before_renewed(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Evidence is valid until newer evidence can arrive, for the variable itself and for conditions on its age."""
+    if scope.lost("observers", "identifies", "period") or scope.lost("perception", "identifies"):
+        return
+    for name, variable in scope.variables.items():
+        if name in scope.reached and variable.valid_for_s < FOREVER_S and faults.sound("context", name):
+            renewal = _slowest(scope, faults, name)
+            if renewal is not None and variable.valid_for_s < renewal.oldest_s:
+                yield _stale(variable, renewal)
+            elif renewal is not None and variable.valid_for_s <= renewal.confirming_s(name):
+                yield _never_confirmed(variable, renewal)
+    for algorithm in scope.algorithms.values():
+        reached = any(entry.variable.name in scope.reached for entry in algorithm.identifies)
+        if reached and algorithm.observable_when and faults.sound("perception", algorithm.name):
+            yield from _demands(scope, faults, algorithm)
+
+
+def oversubscribed_slots(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Observers that run together need no more time of a resource than its slots have."""
+    contested = _contested(scope, faults)
+    worst: dict[str, _Demand] = {}
+    left = MAX_VISITS
+    for skill in (scope.spec.skills or (None,)) if contested else ():
+        needed = graph.closure(scope.trees, scope.decisions if skill is None else watched_by(skill))
+        left -= len(needed)
+        if left < 0:
+            break
+        groups = dict.fromkeys(group for name in needed if (group := scope.group_of.get(name)) is not None)
+        for name, shares in contested.items():
+            demand = _Demand(skill, tuple(shares[group] for group in groups if group in shares))
+            if (
+                demand.total
+                > max(worst[name].total if name in worst else 0, scope.resources[name].slots or 0) + _ROUNDING
+            ):
+                worst[name] = demand
+    yield from (_oversubscribed(scope.resources[name], demand) for name, demand in worst.items())
+
+
+def ineffective_on_event(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """No algorithm identifies both variables with `refresh: on_event` and periodic variables."""
+    for algorithm in scope.algorithms.values():
+        known = [
+            identified for entry in algorithm.identifies if (identified := scope.variables.get(entry.variable.name))
+        ]
+        periodic = next((variable for variable in known if variable.refresh is Refresh.PERIODIC), None)
+        if periodic is None or not faults.sound("perception", algorithm.name):
+            continue
+        for variable in known:
+            if variable.refresh is Refresh.ON_EVENT and faults.sound("context", variable.name):
+                yield finding(
+                    "ineffective-on-event",
+                    f"'refresh: on_event' of '{variable.name}' has no effect: algorithm '{algorithm.name}' also "
+                    f"identifies '{periodic.name}', for which it looks periodically",
+                    variable.places.get("refresh", variable.place),
+                    path=f"context.{variable.name}.refresh",
+                    help=f"write 'refresh: on_event' for '{periodic.name}' as well, or for neither",
+                    related=(Related("declared here", periodic.place),),
+                )
+
+
+TIMES = (stale_before_renewed, oversubscribed_slots, ineffective_on_event)
+"""The rules of this subject."""
+
+
+def _slowest(scope: SpecIndex, faults: Silenced, name: str) -> Renewal | None:
+    """Return the renewal of a variable by its slowest algorithm; None if it has none, or if it is unknown."""
+    setting, _ = scope.claims.get(name, (None, None))
+    if setting is not None and not faults.sound("observers", setting.name):
+        return None
+    renewals = []
+    for producer in scope.producers.get(name, ()):
+        sound = faults.sound("perception", producer)
+        if not sound or not scope.readable("perception", producer, "timeout", "min_interval"):
+            return None
+        period_s = DEFAULT_PERIOD_S if setting is None else setting.period_s
+        renewals.append(Renewal(scope.algorithms[producer], period_s, setting))
+    return max(renewals, key=lambda renewal: renewal.oldest_s, default=None)
+
+
+def _stale(variable: Variable, renewal: Renewal) -> Diagnostic:
+    return finding(
+        "stale-before-renewed",
+        f"context-variable '{variable.name}' can become stale although everything works: its evidence can be up to "
+        f"{_seconds(renewal.oldest_s)} old before newer arrives, and is valid for {_seconds(variable.valid_for_s)}",
+        variable.places.get("valid_for", variable.place),
+        path=f"context.{variable.name}.valid_for",
+        help="write a longer 'valid_for', or a shorter 'timeout' or 'period'",
+        related=tuple(_renewed(renewal)),
+    )
+
+
+def _never_confirmed(variable: Variable, renewal: Renewal) -> Diagnostic:
+    return finding(
+        "stale-before-renewed",
+        f"context-variable '{variable.name}' may never be confirmed although everything works: the first result that "
+        f"'confirm' needs can be {_seconds(renewal.confirming_s(variable.name))} older than the last, and is valid for "
+        f"{_seconds(variable.valid_for_s)}",
+        variable.places.get("valid_for", variable.place),
+        path=f"context.{variable.name}.valid_for",
+        help="write a longer 'valid_for', a shorter 'period', or a 'confirm' that needs fewer results",
+        related=tuple(_renewed(renewal)),
+    )
+
+
+def _demands(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> Iterator[Diagnostic]:
+    """Yield a finding for each maximum age in a precondition that observers cannot guarantee."""
+    for condition in algorithm.observable_when:
+        judgement = scope.judgement(condition)
+        for bound in upper_bounds(condition) if judgement is not None and not judgement.problems else ():
+            variable = scope.variables.get(bound.name)
+            if variable is None or bound.limit_s is None or not faults.sound("context", variable.name):
+                continue
+            observed = all(source.name == OBSERVER for source in variable.sources)
+            renewal = _slowest(scope, faults, variable.name)
+            if observed and renewal is not None and bound.limit_s < renewal.oldest_s:
+                yield finding(
+                    "stale-before-renewed",
+                    f"algorithm '{algorithm.name}' needs '{condition.text_of(bound.node)}', but evidence about "
+                    f"'{variable.name}' can be up to {_seconds(renewal.oldest_s)} old although everything works",
+                    condition.place_of(bound.node),
+                    path=f"perception.{algorithm.name}.observable_when",
+                    help="write a larger age, or a shorter 'timeout' or 'period'",
+                    related=tuple(_renewed(renewal)),
+                )
+
+
+def _renewed(renewal: Renewal) -> Iterator[Related]:
+    """Yield the places of the duration of a look, and of the pause before the next one."""
+    algorithm, setting = renewal.algorithm, renewal.setting
+    took = algorithm.places.get("timeout", algorithm.place)
+    yield Related(f"algorithm '{algorithm.name}' has its result after up to {_seconds(algorithm.timeout_s)}", took)
+    if algorithm.min_interval_s > renewal.period_s:
+        place = algorithm.places.get("min_interval", algorithm.place)
+        yield Related(f"it looks again after {_seconds(algorithm.min_interval_s)}", place)
+    elif setting is not None:
+        place = setting.places.get("period", setting.place)
+        yield Related(f"observer '{setting.name}' looks again after {_seconds(setting.period_s)}", place)
+
+
+@dataclass(frozen=True, slots=True)
+class _Share:
+    """The share of a slot's time that an algorithm needs: its timeout, once within the validity of its evidence."""
+
+    algorithm: Algorithm
+    valid_for_s: float
+
+    @property
+    def of_slot(self) -> float:
+        return self.algorithm.timeout_s / self.valid_for_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Demand:
+    """The shares of a resource's slots that the observers of a skill, or all observers, need."""
+
+    skill: Skill | None
+    shares: tuple[_Share, ...]
+
+    @property
+    def total(self) -> float:
+        return sum(share.of_slot for share in self.shares)
+
+
+def _contested(scope: SpecIndex, faults: Silenced) -> Mapping[str, Mapping[Group, _Share]]:
+    """Return, for each resource that all observers together overload, the share of each group of alternatives."""
+    contested: dict[str, dict[Group, _Share]] = {}
+    for group in scope.groups:
+        for algorithm in group.algorithms:
+            share = _share(scope, faults, algorithm)
+            for usage in algorithm.uses if share is not None else ():
+                if usage.access is Access.SLOT and share is not None:
+                    shares = contested.setdefault(usage.resource.name, {})
+                    shares[group] = max(share, shares.get(group, share), key=lambda candidate: candidate.of_slot)
+    return {
+        name: shares
+        for name, shares in contested.items()
+        if (resource := scope.resources.get(name)) is not None
+        and resource.slots is not None
+        and faults.sound("resources", name)
+        and scope.readable("resources", name, "slots")
+        and sum(share.of_slot for share in shares.values()) > resource.slots
+    }
+
+
+def _share(scope: SpecIndex, faults: Silenced, algorithm: Algorithm) -> _Share | None:
+    """Return the share of a slot that an algorithm needs; None if it needs none, or if it is unknown."""
+    sound = faults.sound("perception", algorithm.name)
+    if not sound or not scope.readable("perception", algorithm.name, "timeout", "uses"):
+        return None
+    names = [entry.variable.name for entry in algorithm.identifies]
+    valid = [
+        scope.variables[name].valid_for_s
+        for name in names
+        if name in scope.variables and scope.readable("context", name, "valid_for")
+    ]
+    valid_for_s = min(valid, default=FOREVER_S)
+    return _Share(algorithm, valid_for_s) if valid_for_s < FOREVER_S else None
+
+
+def _oversubscribed(resource: Resource, demand: _Demand) -> Diagnostic:
+    skill = demand.skill
+    who = "all observers together need" if skill is None else f"the observers of skill '{skill.name}' need"
+    number = "1 slot" if resource.slots == 1 else f"{resource.slots} slots"
+    largest = sorted(demand.shares, key=lambda share: (-share.of_slot, share.algorithm.name))
+    return finding(
+        "oversubscribed-slot",
+        f"resource '{resource.name}' has {number}, but {who} {demand.total:.4g}: some value becomes stale "
+        "in any order of the looks",
+        resource.place,
+        path=f"resources.{resource.name}",
+        help="add slots, or use shorter timeouts, longer validity, or fewer variables in the skill",
+        related=(
+            *([] if skill is None else [Related("the skill that needs most", skill.place)]),
+            *(
+                Related(
+                    f"algorithm '{share.algorithm.name}' takes a slot for up to {_seconds(share.algorithm.timeout_s)} "
+                    f"in every {_seconds(share.valid_for_s)}",
+                    share.algorithm.places.get("timeout", share.algorithm.place),
+                )
+                for share in largest[:MAX_NAMED]
+            ),
+        ),
+    )
+
+
+def _seconds(duration_s: float) -> str:
+    return f"{duration_s:g} s"

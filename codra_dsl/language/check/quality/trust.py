@@ -1,0 +1,99 @@
+"""Preconditions that would stay true in the context after they have become false in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+
+from codra_dsl.language.check.conditions.conditions import Role, Site
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import NEED_KEYS, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.solver.ages import upper_bounds
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related
+from codra_dsl.language.model import Algorithm, Variable, WhenUnobservable
+
+
+def unnoticed_preconditions(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every variable in a precondition states how long it is valid; otherwise the precondition could stay true forever.
+
+    It is enough to state `valid_for`. `when_unobservable: forget` is enough if each algorithm that identifies the
+    variable has preconditions itself and only observers write it. Conditions that bound the age of the variable, and
+    conditions that only use `known` or `age`, use no old value.
+    """
+    for name, (algorithm, place) in _trusting(scope).items():
+        variable = scope.variables.get(name)
+        if variable is None or not faults.sound("context", name) or _goes_stale(scope, variable):
+            continue
+        if not scope.readable("context", name, "source", "valid_for", "when_unobservable"):
+            continue
+        yield finding(
+            "unnoticed-precondition",
+            f"context-variable '{name}' is a precondition, but its value never expires: {_reason(scope, variable)}",
+            variable.place,
+            path=f"context.{name}",
+            help=_cure(scope, variable),
+            related=(Related(f"algorithm '{algorithm.name}' uses it", place()),),
+        )
+
+
+TRUST = (unnoticed_preconditions,)
+"""The rules of this subject."""
+
+
+def _trusting(scope: SpecIndex) -> Mapping[str, tuple[Algorithm, Callable[[], Place]]]:
+    """Return, for each variable whose last value a precondition uses, the first such algorithm and the place."""
+    trusting: dict[str, tuple[Algorithm, Callable[[], Place]]] = {}
+    sites: dict[str, list[Site]] = {}
+    for site in scope.sites:
+        if site.role is Role.OBSERVABLE_WHEN and not scope.judgements[id(site.condition)].problems:
+            sites.setdefault(site.owner[1], []).append(site)
+    for algorithm in scope.algorithms.values():
+        if not scope.readable("perception", algorithm.name, "observable_when"):
+            continue  # the unreadable condition may bound the age
+        own = sites.get(algorithm.name, [])
+        bounded = {bound.name for site in own for bound in upper_bounds(site.condition)}
+        for site in own:
+            for name in site.values:
+                if name.name not in bounded and name.name not in trusting:
+                    trusting[name.name] = algorithm, partial(site.condition.place_of, name)
+        for reference in algorithm.given:
+            if reference.name not in bounded:
+                trusting.setdefault(reference.name, (algorithm, partial(getattr, reference, "place")))
+    return trusting
+
+
+def _goes_stale(scope: SpecIndex, variable: Variable) -> bool:
+    """Return whether a variable becomes unknown by itself, or whether this is undecided."""
+    if variable.states_validity or variable.posed is not None:  # a comparison of poses expires with them
+        return True
+    forgets = variable.when_unobservable is WhenUnobservable.FORGET and _can_be_forgotten(scope, variable)
+    return forgets or not (_others_write(variable) or variable.name in scope.producers)
+
+
+def _can_be_forgotten(scope: SpecIndex, variable: Variable) -> bool:
+    """Return whether preconditions decide when a variable can no longer be observed."""
+    producers = scope.producers.get(variable.name, ())
+    return not _others_write(variable) and all(_waits(scope, name) for name in producers)
+
+
+def _waits(scope: SpecIndex, algorithm: str) -> bool:
+    """Return whether an algorithm has preconditions, or whether this is unknown."""
+    return bool(scope.needs[algorithm]) or not scope.readable("perception", algorithm, *NEED_KEYS)
+
+
+def _others_write(variable: Variable) -> bool:
+    return any(source.name != OBSERVER for source in variable.sources)
+
+
+def _reason(scope: SpecIndex, variable: Variable) -> str:
+    if _others_write(variable):
+        return "it has a source other than observers"
+    if variable.when_unobservable is WhenUnobservable.KEEP:
+        return "its last value is kept"
+    open_ended = (name for name in scope.producers[variable.name] if not _waits(scope, name))
+    return f"it is never forgotten, because algorithm '{next(open_ended)}' has no preconditions"
+
+
+def _cure(scope: SpecIndex, variable: Variable) -> str:
+    stated = "add 'valid_for', for example 'valid_for: forever'"
+    return f"{stated}, or 'when_unobservable: forget'" if _can_be_forgotten(scope, variable) else stated

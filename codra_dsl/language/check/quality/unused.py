@@ -1,0 +1,181 @@
+"""Unused declarations, and names that are easily confused."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+from codra_dsl.language.check.index.mentions import source_mentions
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import MAIN_EXECUTION, OBSERVER, Silenced, SpecIndex
+from codra_dsl.language.check.quality.reach import unreached_settings
+from codra_dsl.language.diagnostics import Diagnostic, Related
+from codra_dsl.language.model import Agent, Algorithm, DeclaredTemplate, Reference, Resource, Variable
+
+_PARAMETER = re.compile(r"\$\(\w+\)")
+
+
+def unreached_observers(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every observer is generated, because some skill needs one of its variables."""
+    for setting in unreached_settings(scope):
+        if faults.sound("observers", setting.name):
+            named = " and ".join(f"'{reference.name}'" for reference in setting.identifies)
+            yield finding(
+                "unreached-observer",
+                f"observer '{setting.name}' is not generated: no skill needs {named}",
+                setting.place,
+                path=f"observers.{setting.name}",
+                help="name one of its variables in a skill's 'preview' or 'monitor', or remove it with them",
+            )
+
+
+def unused_resources(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every resource is used by an algorithm, or may be used by an algorithm of a template."""
+    usages = [usage.resource.name for algorithm in scope.spec.perception for usage in algorithm.uses]
+    if scope.lost("perception", "uses") or not scope.resources.keys() >= set(usages):
+        return  # an undeclared name may be intended for any of them
+    used = _Used(scope, usages, ((template.name, template.resources) for template in scope.spec.templates))
+    for resource in _own(scope, scope.resources.values()):
+        if resource.name not in used and faults.sound("resources", resource.name):
+            yield finding(
+                "unused-resource",
+                f"no algorithm uses resource '{resource.name}'",
+                resource.place,
+                path=f"resources.{resource.name}",
+                help="remove it, or name it under 'uses' of an algorithm",
+            )
+
+
+def unused_agents(scope: SpecIndex, faults: Silenced) -> Iterator[Diagnostic]:
+    """Every agent is the source of something, or takes part in knowledge."""
+    sources = [source.name for variable in scope.spec.context for source in variable.sources]
+    sources += [tree.agent.name for tree in scope.spec.trees if tree.agent is not None]
+    if scope.spec.knows:
+        sources += [mention.name for mention in source_mentions(scope)]
+        sources += [agent.name for agent in scope.spec.agents if not agent.conduct.is_bare]
+    if scope.lost("context", "source") or not {OBSERVER, MAIN_EXECUTION, *scope.agents} >= set(sources):
+        return
+    used = _Used(scope, sources, ((template.name, template.sources) for template in scope.spec.templates))
+    for agent in _own(scope, scope.agents.values()):
+        if agent.name not in used and faults.sound("agents", agent.name):
+            yield finding(
+                "unused-agent",
+                f"agent '{agent.name}' is not the source of anything",
+                agent.place,
+                path=f"agents.{agent.name}",
+                help="remove it, or name it as 'source' of what it writes",
+            )
+
+
+def unused_templates(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Every template in the spec's own file is used; templates of parts may be used by other specs."""
+    for template in scope.spec.templates:
+        if not template.is_used and template.place.span.file == scope.spec.file:
+            message = f"nothing uses template '{template.name}'"
+            path, help = f"templates.{template.name}", "use it, or remove it"
+            yield finding("unused-template", message, template.place, path=path, help=help)
+
+
+def shadowed_names(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """No parameter has a name that conditions in its template can read already: `$(door)` beside `door`."""
+    names = {parameter.name for template in scope.spec.templates for parameter in template.parameters}
+    visible: dict[str, list[tuple[str, _Visible]]] = {}
+    for noun, element in _visible(scope) if names else ():
+        if element.name in names:
+            visible.setdefault(element.name, []).append((noun, element))
+    makers = {use.place.span: use.template for use in scope.spec.uses}
+    for template in scope.spec.templates:
+        if not template.is_used and template.place.span.file != scope.spec.file:
+            continue
+        for parameter in template.parameters:
+            for noun, element in visible.get(parameter.name, ()):
+                if element.place.use is None or makers.get(element.place.use) != template.name:
+                    yield _shadowed(template, parameter, noun, element)
+                    break
+
+
+def same_labels(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Labels of variables are different; a variable without a label is shown by its name."""
+    first: dict[str, Variable] = {}
+    by_name = {name.casefold(): variable for name, variable in scope.variables.items()}
+    for variable in scope.variables.values():
+        if not scope.readable("context", variable.name, "label"):
+            continue
+        shown = _shown(variable.label)
+        other = first.setdefault(shown, variable)
+        if other is variable:
+            other = by_name.get(shown, variable)
+        if other is not variable and variable.label != variable.name:
+            yield _same(variable, other)
+
+
+LEFTOVERS = (unreached_observers, unused_resources, unused_agents, unused_templates, shadowed_names, same_labels)
+"""The rules of this subject."""
+
+_Visible = Variable | Resource | Algorithm | Agent
+"""The elements that conditions and keys of a template can name."""
+
+_Own = TypeVar("_Own", Resource, Agent)
+
+
+def _own(scope: SpecIndex, elements: Iterable[_Own]) -> Iterator[_Own]:
+    """Yield the elements in the spec's own file; elements of a part may be for another spec."""
+    return (element for element in elements if element.place.span.file == scope.spec.file)
+
+
+class _Used:
+    """The used names: those in elements, and, as far as they are known, those in templates without elements."""
+
+    def __init__(
+        self, scope: SpecIndex, names: Iterable[str], of_templates: Iterable[tuple[str, tuple[str, ...]]]
+    ) -> None:
+        filled = {use.template for use in scope.spec.uses}
+        written = {name for template, named in of_templates if template not in filled for name in named}
+        self._names = {*names, *written}
+        self._patterns = [_pattern(name) for name in sorted(written) if _PARAMETER.search(name)]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._names or any(pattern.fullmatch(name) for pattern in self._patterns)
+
+
+def _pattern(written: str) -> re.Pattern[str]:
+    """Return the pattern of the names that a name with parameters can become."""
+    return re.compile(r"\w*".join(map(re.escape, _PARAMETER.split(written))))
+
+
+def _visible(scope: SpecIndex) -> Iterator[tuple[str, _Visible]]:
+    yield from (("context-variable", variable) for variable in scope.variables.values())
+    yield from (("resource", resource) for resource in scope.resources.values())
+    yield from (("algorithm", algorithm) for algorithm in scope.algorithms.values())
+    yield from (("agent", agent) for agent in scope.agents.values())
+
+
+def _shadowed(template: DeclaredTemplate, parameter: Reference, noun: str, element: _Visible) -> Diagnostic:
+    name = parameter.name
+    return finding(
+        "shadowed-name",
+        f"parameter '{name}' of template '{template.name}' has the name of {noun} '{name}', "
+        f"so that '$({name})' and '{name}' mean different things",
+        parameter.place,
+        path=f"templates.{template.name}.parameters.{name}",
+        help="rename the parameter",
+        related=(Related(f"the {noun}", element.place),),
+    )
+
+
+def _same(variable: Variable, other: Variable) -> Diagnostic:
+    own = f"the label '{variable.label}' of context-variable '{variable.name}'"
+    is_label = other.label != other.name and _shown(other.label) == _shown(variable.label)
+    return finding(
+        "same-label",
+        f"{own} is the same as that of '{other.name}'" if is_label else f"{own} is the name of another one",
+        variable.places.get("label", variable.place),
+        path=f"context.{variable.name}.label",
+        help="write different labels",
+        related=(Related("the other one", other.places.get("label", other.place) if is_label else other.place),),
+    )
+
+
+def _shown(label: str) -> str:
+    return "".join(label.split()).casefold()

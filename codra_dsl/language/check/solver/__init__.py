@@ -1,0 +1,1 @@
+"""Which values can satisfy a condition: intervals, cases, linear sums."""

@@ -1,0 +1,60 @@
+"""The maximum age of evidence with which a condition can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from codra_dsl.language.check.solver.intervals import Interval
+from codra_dsl.language.check.solver.values import Context, links, outcomes
+from codra_dsl.language.expression import And, Call, Compare, Name, Node, Not, Or, names_in
+from codra_dsl.language.model import Condition
+
+_TURNED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_NEGATED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<"}
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A maximum age.
+
+    Attributes:
+        name: the variable whose age is bounded.
+        node: the comparison that bounds it, with the `not` before it.
+        limit_s: the maximum age; None if it depends on context-variables.
+    """
+
+    name: str
+    node: Node
+    limit_s: float | None
+
+
+def upper_bounds(condition: Condition) -> Iterator[Bound]:
+    """Yield the bounds on ages that a condition requires: `age(x) < 2 s`, but not inside an `or`."""
+    waiting = [] if condition.tree is None else [(condition.tree, condition.tree, False)]
+    while waiting:
+        node, outermost, is_denied = waiting.pop()
+        if isinstance(node, Not):
+            waiting.append((node.operand, outermost, not is_denied))
+        elif (isinstance(node, And) and not is_denied) or (isinstance(node, Or) and is_denied):
+            waiting.extend(
+                (operand, outermost if is_denied else operand, is_denied) for operand in reversed(node.operands)
+            )
+        elif isinstance(node, Compare) and (not is_denied or len(node.rest) == 1):
+            for operator, left, right in links(node):
+                yield from _bound(_NEGATED.get(operator, "") if is_denied else operator, left, right, outermost)
+
+
+def _bound(operator: str, left: Node, right: Node, outermost: Node) -> Iterator[Bound]:
+    for aging, limit, read in ((left, right, operator), (right, left, _TURNED.get(operator, ""))):
+        if isinstance(aging, Call) and aging.function == "age" and read in ("<", "<="):
+            (argument,) = aging.arguments
+            assert isinstance(argument, Name)
+            yield Bound(argument.name, outermost, _seconds(limit))
+
+
+def _seconds(limit: Node) -> float | None:
+    if names_in(limit):
+        return None
+    (limit_s, *others) = outcomes(limit, Context({}))
+    return float(limit_s.low) if not others and isinstance(limit_s, Interval) and limit_s.is_point else None

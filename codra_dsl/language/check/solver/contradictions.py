@@ -1,0 +1,115 @@
+"""Conditions that exclude each other, and the parts of a finding about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from codra_dsl.language.check.conditions.types import Types
+from codra_dsl.language.check.solver.breakpoints import subjects
+from codra_dsl.language.check.solver.case_split import conjuncts
+from codra_dsl.language.check.solver.satisfiable import can_hold
+from codra_dsl.language.check.solver.values import age_key
+from codra_dsl.language.diagnostics import Place, Related
+from codra_dsl.language.expression import And, Node, names_in
+from codra_dsl.language.model import FOREVER_S, Condition, Returned, Variable
+
+MAX_CONDITIONS = 50
+"""With more conditions than these, the search for those that exclude each other is skipped."""
+
+
+MAX_QUOTED = 3
+"""The maximum number of conditions that a message quotes beside the offender."""
+
+MAX_RELATED = 10
+"""The maximum number of places of such conditions in a finding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """A condition that must be true, and where it is written.
+
+    Attributes:
+        parts: the operands of an `and`.
+    """
+
+    tree: Node
+    text: str
+    place: Place
+    parts: tuple[Stated, ...] = ()
+
+
+def stated(condition: Condition, tree: Node) -> Stated:
+    """Return a condition with its parts; `tree` is its typed syntax tree."""
+    operands = conjuncts([tree]) if isinstance(tree, And) else ()
+    parts = (Stated(part, condition.text_of(part), condition.place_of(part)) for part in operands)
+    return Stated(tree, condition.text, condition.place, tuple(parts))
+
+
+def contradiction(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
+    """Return a smallest set of the conditions that can never be true together, in their order; () if all can.
+
+    If the set has several conditions, each `and` in it is narrowed down to the parts that are needed.
+    """
+    if can_hold([condition.tree for condition in conditions], (), types):
+        return ()
+    alone = next((condition for condition in conditions if not can_hold([condition.tree], (), types)), None)
+    if alone is not None:
+        return (alone,)
+    needed = _needed(conditions, types)
+    return _needed([part for condition in needed for part in condition.parts or (condition,)], types)
+
+
+def _needed(conditions: Sequence[Stated], types: Types) -> tuple[Stated, ...]:
+    kept = list(conditions)
+    for condition in conditions if len(conditions) <= MAX_CONDITIONS else ():
+        fewer = [other for other in kept if other is not condition]
+        if not can_hold([other.tree for other in fewer], (), types):
+            kept = fewer
+    return tuple(kept)
+
+
+def never_true(core: Sequence[Stated]) -> str:
+    """Return the message about conditions that exclude each other, with the last of them as the offender."""
+    *others, last = core
+    if not others:
+        return f"'{last.text}' is never true"
+    if len(core) > MAX_CONDITIONS:
+        return "its conditions are never true together"
+    quoted = " and ".join(f"'{other.text}'" for other in others[:MAX_QUOTED])
+    if len(others) > MAX_QUOTED:
+        quoted += f" and {len(others) - MAX_QUOTED} others"
+    return f"'{last.text}' is never true together with {quoted}"
+
+
+def related_to(core: Sequence[Stated], types: Types, declared: Iterable[Variable | Returned]) -> Iterator[Related]:
+    """Yield the places related to conditions that exclude each other: the others, and the ranges that cause it."""
+    *others, _ = core
+    yield from (Related("cannot be true together with this", other.place) for other in others[:MAX_RELATED])
+    trees = [condition.tree for condition in core]
+    if can_hold(trees, (), without_ranges(types, trees)):
+        yield from limits_of(trees, declared)
+
+
+def without_ranges(types: Types, trees: Iterable[Node]) -> Types:
+    """Return the types of the names in some conditions, without ranges and validity."""
+    names = dict.fromkeys(name.name for tree in trees for name in names_in(tree))
+    declared = {name: types.get(name) for name in names}
+    unlimited = (
+        (name, type_ and replace(type_, range=None, valid_for_s=FOREVER_S)) for name, type_ in declared.items()
+    )
+    return dict(unlimited)
+
+
+def limits_of(trees: Iterable[Node], declared: Iterable[Variable | Returned]) -> Iterator[Related]:
+    """Yield the limits of the names in some conditions: ranges, and the validity of variables whose age is compared."""
+    keys = {key for tree in trees for key in subjects(tree)}
+    for element in declared:
+        if isinstance(element, Variable) and age_key(element.name) in keys and element.valid_for_s < FOREVER_S:
+            place = element.places.get("valid_for", element.place)
+            yield Related(f"'{element.name}' is valid for {element.valid_for_s:g} s", place)
+        if element.name in keys and element.type.range is not None:
+            low, high = element.type.range
+            unit = "" if element.type.unit is None else f" {element.type.unit}"
+            place = element.type.places.get("range", element.place)
+            yield Related(f"'{element.name}' is between {low:g} and {high:g}{unit}", place)

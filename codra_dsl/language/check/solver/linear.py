@@ -1,0 +1,104 @@
+"""A normal form for comparisons of two numbers: `a - b < 3`, `a < b + 3` and `2 * b > 2 * a - 6` have the same key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+
+from codra_dsl.language.check.solver.intervals import in_base
+from codra_dsl.language.expression import Arithmetic, Call, Name, Negative, Node, Number, to_text
+from codra_dsl.language.units import ONE, parse_unit
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two numbers that are compared: they differ by `factor * (number - limit)`.
+
+    Attributes:
+        key: identifies the number: equal keys only if the numbers are equal and known in the same cases; empty for 0.
+    """
+
+    key: str
+    limit: Fraction
+    factor: Fraction
+
+
+def pair(left: Node, right: Node) -> Pair:
+    """Return two numbers as a pair; comparisons of the same number with another constant have the same key."""
+    difference = _sum(left).plus(_sum(right), Fraction(-1))
+    factor = difference.lead
+    key = difference.times(1 / factor).key if any(difference.parts.values()) else ""
+    return Pair(key, -difference.constant / factor, factor)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sum:
+    """A sum: factors by the keys of its summands, which are not sums themselves, and a constant.
+
+    A summand with factor 0 stays: it must be known for the sum to be known.
+    """
+
+    parts: Mapping[str, Fraction]
+    constant: Fraction = Fraction(0)
+
+    @property
+    def lead(self) -> Fraction:
+        """Return the first factor in alphabetical order that is not 0; 1 if there is none."""
+        return next((self.parts[key] for key in sorted(self.parts) if self.parts[key]), Fraction(1))
+
+    @property
+    def key(self) -> str:
+        """Return a text that is equal for sums that are equal apart from their constant."""
+        return " + ".join(f"{self.parts[key]}*{key}" for key in sorted(self.parts))
+
+    def text(self) -> str:
+        """Return a text that is equal for equal sums."""
+        return f"({self.key} + {self.constant})"
+
+    def times(self, factor: Fraction) -> _Sum:
+        return _Sum({key: own_factor * factor for key, own_factor in self.parts.items()}, self.constant * factor)
+
+    def plus(self, other: _Sum, factor: Fraction = Fraction(1)) -> _Sum:
+        added = other.times(factor)
+        none = Fraction(0)
+        parts = {key: self.parts.get(key, none) + added.parts.get(key, none) for key in (*self.parts, *added.parts)}
+        return _Sum(parts, self.constant + added.constant)
+
+
+def _sum(node: Node) -> _Sum:
+    match node:
+        case Number(value=value, unit=unit):
+            parsed = ONE if unit is None else parse_unit(unit)
+            exact = None if parsed is None else in_base(value, parsed)
+            return _Sum({}, exact) if isinstance(exact, Fraction) else _single(to_text(node))
+        case Name(name=name):
+            return _single(name)
+        case Negative(operand=operand):
+            return _sum(operand).times(Fraction(-1))
+        case Arithmetic(operator=operator, left=left, right=right):
+            return _calculated(operator, _sum(left), _sum(right))
+        case Call(function="abs", arguments=(operand,)):
+            inner = _sum(operand)
+            positive = inner.times(Fraction(-1)) if inner.lead < 0 else inner
+            return _single(f"abs{positive.text()}") if inner.parts else _Sum({}, abs(inner.constant))
+        case Call(function="min" | "max" as function, arguments=arguments):
+            keys = sorted({_sum(argument).text() for argument in arguments})
+            return _single(f"{function}({', '.join(keys)})") if len(keys) > 1 else _sum(arguments[0])
+    return _single(to_text(node))
+
+
+def _single(key: str) -> _Sum:
+    return _Sum({key: Fraction(1)})
+
+
+def _calculated(operator: str, left: _Sum, right: _Sum) -> _Sum:
+    if operator in "+-":
+        return left.plus(right, Fraction(1 if operator == "+" else -1))
+    if operator == "/":
+        is_constant = not right.parts and right.constant
+        return left.times(1 / right.constant) if is_constant else _single(f"{left.text()} / {right.text()}")
+    for one, other in ((left, right), (right, left)):
+        if not one.parts:
+            return other.times(one.constant)
+    return _single(" * ".join(sorted((left.text(), right.text()))))

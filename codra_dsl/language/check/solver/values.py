@@ -1,0 +1,377 @@
+"""The possible values of a part of a condition, given the possible values of each name in it, in Kleene's logic.
+
+Each mention of a name is treated independently. The answer therefore contains every possible value and may contain
+more; it is exact if no name occurs twice. `codra_dsl.language.check.solver.case_split` calls this for each case of the names that occur
+several times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from fractions import Fraction
+from functools import lru_cache, partial, reduce
+from itertools import pairwise, product
+
+from codra_dsl.language.check.conditions.types import Type
+from codra_dsl.language.check.solver import intervals
+from codra_dsl.language.check.solver.intervals import FULL, Interval, in_base, point
+from codra_dsl.language.check.solver.linear import Pair
+from codra_dsl.language.expression import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    In,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+)
+from codra_dsl.language.model import Kind
+from codra_dsl.language.units import ONE, parse_unit
+
+MAX_PIECES = 8
+"""The maximum number of separate intervals; past it, their hull replaces them."""
+
+
+class Other(Enum):
+    """Texts that are not spelled out."""
+
+    ANY = "any"
+    UNMENTIONED = "unmentioned"
+
+
+Value = bool | str | Other | Interval | None
+"""A value, a set of values, or None for unknown."""
+
+Values = frozenset[Value]
+"""The possible values of something."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """A case.
+
+    Attributes:
+        values: the possible values of each name, and, by `age_key`, `known_key` and the keys of pairs, of its age, of
+            whether it is known, and of the difference of two numbers.
+        pairs: by the identity of the two sides, the pairs whose difference the search splits.
+    """
+
+    values: Mapping[str, Values]
+    pairs: Mapping[tuple[int, int], Pair] = field(default_factory=dict)
+
+
+UNKNOWN: Values = frozenset({None})
+_TRUE: Values = frozenset({True})
+_FALSE: Values = frozenset({False})
+EITHER: Values = frozenset({True, False})
+_NUMBERS: Values = frozenset({FULL})
+_UNJUDGED: Values = frozenset({True, False, FULL, None})
+AGES: Values = frozenset({Interval(Fraction(0), FULL.high)})
+
+
+def known_values(declared: Type | None) -> Values:
+    """Return the possible values of a name of some type while it is known."""
+    if declared is None:  # a wrong declaration causes no findings about its readers
+        return _UNJUDGED
+    if declared.kind is Kind.BOOL:
+        return EITHER
+    if declared.kind is Kind.ENUM:
+        return frozenset(declared.values)
+    if declared.kind is Kind.STR:
+        return frozenset({Other.ANY})
+    if declared.range is None:
+        return _NUMBERS
+    low, high = (in_base(end, declared.unit) for end in declared.range)
+    return frozenset({Interval(low, high)}) if low <= high else _UNJUDGED
+
+
+def age_key(name: str) -> str:
+    """Return the key for a name's age in a context."""
+    return f"age({name})"
+
+
+def known_key(name: str) -> str:
+    """Return the key for whether a name is known, independent of its value, in a context."""
+    return f"known({name})"
+
+
+def outcomes(node: Node, context: Context) -> Values:
+    """Return the possible values of a part of a condition."""
+    return _READERS[type(node)](node, context)
+
+
+def links(node: Node) -> Iterator[tuple[str, Node, Node]]:
+    """Yield each comparison between two values in a node itself, not in its parts."""
+    if isinstance(node, Compare):
+        operands = (node.first, *(operand for _, operand in node.rest))
+        for (operator, _), (left, right) in zip(node.rest, pairwise(operands), strict=True):
+            yield operator, left, right
+    elif isinstance(node, In):
+        yield from (("==", node.item, option) for option in node.options)
+
+
+def _name(node: Node, context: Context) -> Values:
+    assert isinstance(node, Name)
+    return context.values[node.name]
+
+
+def _literal(node: Node, _: Context) -> Values:
+    assert isinstance(node, (Text, Truth))
+    return frozenset({node.value})
+
+
+@lru_cache(maxsize=4096)
+def _quantity(value: float, unit: str | None) -> Values:
+    parsed = ONE if unit is None else parse_unit(unit)
+    return frozenset({FULL if parsed is None else point(in_base(value, parsed))})
+
+
+def _number(node: Node, _: Context) -> Values:
+    assert isinstance(node, Number)
+    return _quantity(node.value, node.unit)
+
+
+def _not(node: Node, context: Context) -> Values:
+    assert isinstance(node, Not)
+    return frozenset(None if value is None else not value for value in outcomes(node.operand, context))
+
+
+def _and(node: Node, context: Context) -> Values:
+    assert isinstance(node, And)
+    return _conjunction(outcomes(operand, context) for operand in node.operands)
+
+
+def _or(node: Node, context: Context) -> Values:
+    assert isinstance(node, Or)
+    return _disjunction(outcomes(operand, context) for operand in node.operands)
+
+
+def _conjunction(operands: Iterable[Values]) -> Values:
+    results: Values = frozenset({True})
+    for operand in operands:
+        results = frozenset(_kleene_and(one, other) for one in results for other in operand)
+    return results
+
+
+def _disjunction(operands: Iterable[Values]) -> Values:
+    results: Values = frozenset({False})
+    for operand in operands:
+        results = frozenset(_kleene_or(one, other) for one in results for other in operand)
+    return results
+
+
+def _kleene_and(one: Value, other: Value) -> bool | None:
+    if one is False or other is False:
+        return False
+    return None if one is None or other is None else True
+
+
+def _kleene_or(one: Value, other: Value) -> bool | None:
+    if one is True or other is True:
+        return True
+    return None if one is None or other is None else False
+
+
+def _compare(node: Node, context: Context) -> Values:
+    return _conjunction(compared(*link, context) for link in links(node))
+
+
+def _in(node: Node, context: Context) -> Values:
+    assert isinstance(node, In)
+    truths = _disjunction(compared(*link, context) for link in links(node))
+    return frozenset(None if value is None else value is not node.negated for value in truths)
+
+
+def compared(operator: str, left: Node, right: Node, context: Context) -> Values:
+    """Return the possible results of a comparison; if the context has the difference of the sides, it decides."""
+    ones, others = outcomes(left, context), outcomes(right, context)
+    truths = frozenset(truth for one in ones for other in others for truth in _judge(operator, one, other))
+    two = context.pairs.get((id(left), id(right))) if context.pairs else None
+    numbers = None if two is None else context.values.get(two.key)
+    if two is None or numbers is None or truths == UNKNOWN:
+        return truths
+    sense = operator if two.factor > 0 else _MIRRORED[operator]
+    certain = frozenset(truth for number in numbers for truth in _judge(sense, number, point(two.limit)))
+    return certain | UNKNOWN if None in truths and not two.key else certain
+
+
+def _judge(operator: str, one: Value, other: Value) -> Values:
+    if one is None or other is None:
+        return UNKNOWN
+    if isinstance(one, Interval) and isinstance(other, Interval):
+        return _COMPARISONS[operator](one, other)
+    plain = isinstance(one, (bool, str)) and type(one) is type(other)
+    if operator not in ("==", "!=") or not (plain or Other.UNMENTIONED in (one, other)):
+        return EITHER
+    return (
+        EITHER
+        if one is other is Other.UNMENTIONED or Other.ANY in (one, other)
+        else _truth((one == other) == (operator == "=="))
+    )
+
+
+def _truth(value: bool) -> Values:
+    return _TRUE if value else _FALSE
+
+
+def _less(one: Interval, other: Interval) -> Values:
+    return _judged(intervals.can_be_less(one, other), _can_be_at_least(one, other))
+
+
+def _at_most(one: Interval, other: Interval) -> Values:
+    return _judged(_can_be_at_least(other, one), intervals.can_be_less(other, one))
+
+
+def _equal(one: Interval, other: Interval) -> Values:
+    same = one.is_point and other.is_point and one.low == other.low
+    return _judged(intervals.can_be_equal(one, other), not same)
+
+
+def _unequal(one: Interval, other: Interval) -> Values:
+    same = one.is_point and other.is_point and one.low == other.low
+    return _judged(not same, intervals.can_be_equal(one, other))
+
+
+def _can_be_at_least(one: Interval, other: Interval) -> bool:
+    return intervals.can_be_less(other, one) or intervals.can_be_equal(one, other)
+
+
+def _judged(can_hold: bool, can_fail: bool) -> Values:
+    if can_hold and can_fail:
+        return EITHER
+    return _TRUE if can_hold else _FALSE
+
+
+_COMPARISONS: Mapping[str, Callable[[Interval, Interval], Values]] = {
+    "<": _less,
+    "<=": _at_most,
+    ">": lambda one, other: _less(other, one),
+    ">=": lambda one, other: _at_most(other, one),
+    "==": _equal,
+    "!=": _unequal,
+}
+
+
+_MIRRORED: Mapping[str, str] = {"<": ">", "<=": ">=", ">": "<", ">=": "<=", "==": "==", "!=": "!="}
+
+
+def _negative(node: Node, context: Context) -> Values:
+    assert isinstance(node, Negative)
+    return _calculated(intervals.negative, outcomes(node.operand, context))
+
+
+def _arithmetic(node: Node, context: Context) -> Values:
+    """Return the possible results; a division by zero is unknown."""
+    assert isinstance(node, Arithmetic)
+    left, right = outcomes(node.left, context), outcomes(node.right, context)
+    if node.operator == "/" and all(map(_is_no_divisor, right)):
+        return UNKNOWN
+    quotients = _calculated(_OPERATIONS[node.operator], left, right)
+    if node.operator != "/" or quotients == UNKNOWN or not any(_holds_zero(value) for value in right):
+        return quotients
+    return quotients | UNKNOWN
+
+
+def _is_no_divisor(value: Value) -> bool:
+    return value is None or (isinstance(value, Interval) and value.is_point and value.low == 0)
+
+
+def _holds_zero(value: Value) -> bool:
+    return not isinstance(value, Interval) or intervals.can_be_equal(value, _ZERO)
+
+
+def _calculated(operation: Callable[..., Interval], *operands: Values) -> Values:
+    """Return the possible results of an operation on numbers; unknown if an operand is unknown."""
+    if any(values == UNKNOWN for values in operands):
+        return UNKNOWN
+    numbers = [[value if isinstance(value, Interval) else FULL for value in values - UNKNOWN] for values in operands]
+    calculated = [operation(*combination) for combination in product(*numbers)]
+    results: Values = frozenset(calculated if len(calculated) <= MAX_PIECES else [intervals.hull(calculated)])
+    return results | UNKNOWN if any(None in values for values in operands) else results
+
+
+_ZERO = point(Fraction(0))
+_OPERATIONS: Mapping[str, Callable[[Interval, Interval], Interval]] = {
+    "+": intervals.total,
+    "-": lambda one, other: intervals.total(one, intervals.negative(other)),
+    "*": intervals.product,
+    "/": intervals.quotient,
+    "min": intervals.smallest,
+    "max": intervals.largest,
+}
+
+
+def _call(node: Node, context: Context) -> Values:
+    assert isinstance(node, Call)
+    if node.function in ("known", "age"):
+        (argument,) = node.arguments
+        assert isinstance(argument, Name)
+        return _known(argument.name, context) if node.function == "known" else _age(argument.name, context)
+    if node.function == "abs":
+        return _calculated(intervals.magnitude, outcomes(node.arguments[0], context))
+    operation = _OPERATIONS[node.function]
+    return reduce(partial(_calculated, operation), (outcomes(argument, context) for argument in node.arguments))
+
+
+def _known(name: str, context: Context) -> Values:
+    stated = context.values.get(known_key(name))
+    return frozenset(value is not None for value in context.values[name]) if stated is None else stated
+
+
+def _age(name: str, context: Context) -> Values:
+    """Return the possible ages of a name's evidence; unknown while the name is unknown."""
+    values = context.values[name]
+    if values == UNKNOWN:
+        return UNKNOWN
+    ages = context.values.get(age_key(name), AGES)
+    return ages | UNKNOWN if None in values else ages
+
+
+def _choice(node: Node, context: Context) -> Values:
+    assert isinstance(node, Choice)
+    then, otherwise = outcomes(node.then, context), outcomes(node.otherwise, context)
+    values: set[Value] = set()
+    for held in outcomes(node.condition, context):
+        if held is None:
+            values |= {value for one in then for other in otherwise for value in _agreed(one, other)}
+        else:
+            values |= then if held else otherwise
+    return frozenset(values)
+
+
+def _agreed(one: Value, other: Value) -> Values:
+    """Return the possible values of a choice with an unknown condition: known only if both sides agree."""
+    if one is None or other is None:
+        return UNKNOWN
+    if isinstance(one, Interval) and isinstance(other, Interval):
+        shared = intervals.common(one, other)
+        return UNKNOWN if shared.is_empty else frozenset({shared, None})
+    if isinstance(one, (bool, str)) and isinstance(other, (bool, str)):
+        return frozenset({one}) if one == other else UNKNOWN
+    return frozenset({one, other, None})
+
+
+_READERS: Mapping[type[Node], Callable[[Node, Context], Values]] = {
+    Name: _name,
+    Number: _number,
+    Text: _literal,
+    Truth: _literal,
+    Not: _not,
+    And: _and,
+    Or: _or,
+    Compare: _compare,
+    In: _in,
+    Arithmetic: _arithmetic,
+    Negative: _negative,
+    Choice: _choice,
+    Call: _call,
+}

@@ -1,0 +1,1 @@
+"""Checks of the types in conditions, literals and enum members."""

@@ -1,0 +1,155 @@
+"""Phase 3: types, units, members, and how resources are used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from codra_dsl.language.check.conditions.conditions import Site
+from codra_dsl.language.check.conditions.types import Problem
+from codra_dsl.language.check.index.fixes import member as member_fix
+from codra_dsl.language.check.index.rules import finding
+from codra_dsl.language.check.index.spec_index import Silenced, SpecIndex
+from codra_dsl.language.check.index.words import USERS
+from codra_dsl.language.diagnostics import Diagnostic, Place, Related, suggest
+from codra_dsl.language.expression import Text
+from codra_dsl.language.model import (
+    Access,
+    Algorithm,
+    Hysteresis,
+    Identification,
+    Kind,
+    Members,
+    Usage,
+    ValueType,
+    Variable,
+)
+
+
+def conditions(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """Every condition is true or false or a value that fits its variable, and compares what can be compared."""
+    for judgement in scope.judgements.values():
+        for problem in judgement.problems:
+            yield _of_condition(scope, judgement.site, problem)
+
+
+def integral_ranges(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """The ends of the range of an int are whole numbers."""
+    for variable in scope.spec.context:
+        yield from _of_range(variable.type, variable.place, "context", variable.name, "range")
+    for algorithm in scope.spec.perception:
+        for returned in algorithm.returns:
+            key = f"returns.{returned.name}.range"
+            yield from _of_range(returned.type, returned.place, "perception", algorithm.name, key)
+
+
+def forms_of_identification(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """A mapping identifies an enum; `enter` and `leave` identify a bool."""
+    for algorithm in scope.spec.perception:
+        for entry in algorithm.identifies:
+            variable = scope.variables.get(entry.variable.name)
+            if variable is None or scope.context_types[variable.name] is None:
+                continue
+            if isinstance(entry.by, Members):
+                yield from _of_members(scope, algorithm, entry, entry.by, variable)
+            if isinstance(entry.by, Hysteresis) and variable.type.kind is not Kind.BOOL:
+                message = f"'enter' and 'leave' identify a bool, but '{variable.name}' is {_a(variable)}"
+                help = "write one condition" if variable.type.kind is not Kind.ENUM else "map members to conditions"
+                yield _wrong_form(algorithm, entry.by.place, message, help, variable)
+
+
+def commanded_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """An observer is passive: it reads, and never controls hardware (P1, section 3.2)."""
+    for algorithm in scope.spec.perception:
+        for usage in algorithm.uses:
+            if usage.access is Access.COMMAND:
+                yield finding(
+                    "commanded-resource",
+                    f"algorithm '{algorithm.name}' commands '{usage.resource.name}', but observers are passive",
+                    usage.place,
+                    path=f"perception.{algorithm.name}.uses.{usage.resource.name}",
+                    help="write 'read', and control hardware in a skill of the main execution",
+                )
+
+
+def misused_resources(scope: SpecIndex, _: Silenced) -> Iterator[Diagnostic]:
+    """A resource with slots is used with `slot`; one without slots has a handle and is used with `read`."""
+    for algorithm in scope.spec.perception:
+        for usage in algorithm.uses:
+            resource = scope.resources.get(usage.resource.name)
+            if resource is None or not scope.readable("resources", resource.name, "slots"):
+                continue
+            if usage.access is Access.SLOT and resource.slots is None:
+                message = f"algorithm '{algorithm.name}' takes a slot of resource '{resource.name}', which has none"
+                help = f"write 'read', or declare '{resource.name}: {{slots: 1}}'"
+                yield _misused(algorithm, usage, resource.place, message, help)
+            if usage.access is Access.READ and resource.slots is not None:
+                message = (
+                    f"algorithm '{algorithm.name}' reads resource '{resource.name}', which has slots and no handle"
+                )
+                yield _misused(algorithm, usage, resource.place, message, "write 'slot'")
+
+
+TYPES = (conditions, integral_ranges, forms_of_identification, commanded_resources, misused_resources)
+"""The rules of this phase."""
+
+
+def _of_range(declared: ValueType, place: Place, section: str, name: str, key: str) -> Iterator[Diagnostic]:
+    broken = [end for end in declared.range or () if not float(end).is_integer()]
+    if declared.kind is Kind.INT and broken:
+        owner = "" if section == "context" else f" of '{key.split('.')[1]}'"
+        message = f"the range{owner} in {USERS[section]} '{name}' ends at {broken[0]:g}, but an int needs whole numbers"
+        where = declared.places.get("range", place)
+        yield finding(
+            "wrong-range", message, where, path=f"{section}.{name}.{key}", help="use whole numbers, or a float"
+        )
+
+
+def _of_condition(scope: SpecIndex, site: Site, problem: Problem) -> Diagnostic:
+    section, name = site.owner
+    message = f"{problem.message} ('{site.role}' of {USERS[section]} '{name}')"
+    place = site.condition.place_of(problem.node)
+    fix = None
+    if problem.suggestion is not None and isinstance(problem.node, Text):
+        letters = site.condition.place_between(problem.node.start + 1, problem.node.end - 1)
+        fix = member_fix(problem.node.value, problem.suggestion, problem.candidates, letters, scope.mentioned)
+    return finding(problem.rule, message, place, path=site.path, help=problem.help, fix=fix)
+
+
+def _of_members(
+    scope: SpecIndex, algorithm: Algorithm, entry: Identification, by: Members, variable: Variable
+) -> Iterator[Diagnostic]:
+    if variable.type.kind is not Kind.ENUM:
+        message = f"a mapping identifies an enum, but '{variable.name}' is {_a(variable)}"
+        with_hysteresis = ", or {enter: ..., leave: ...}" if variable.type.kind is Kind.BOOL else ""
+        yield _wrong_form(algorithm, by.place, message, f"write one condition{with_hysteresis}", variable)
+        return
+    for member, _ in by.cases:
+        if member.name not in variable.type.values:
+            near = suggest(member.name, variable.type.values)
+            listed = ", ".join(variable.type.values[:10])
+            yield finding(
+                "unknown-member",
+                f"'{member.name}' is not a value of '{variable.name}' (algorithm '{algorithm.name}')",
+                member.place,
+                path=f"perception.{algorithm.name}.identifies.{entry.variable.name}",
+                help=f"did you mean '{near}'?" if near else f"values are {listed}",
+                fix=member_fix(member.name, near, variable.type.values, member.place, scope.mentioned)
+                if near
+                else None,
+            )
+
+
+def _wrong_form(algorithm: Algorithm, place: Place, message: str, help: str, variable: Variable) -> Diagnostic:
+    path = f"perception.{algorithm.name}.identifies.{variable.name}"
+    related = (Related("declared here", variable.places.get("type", variable.place)),)
+    return finding("wrong-value-identified", message, place, path=path, help=help, related=related)
+
+
+def _misused(algorithm: Algorithm, usage: Usage, declared: Place, message: str, help: str) -> Diagnostic:
+    path = f"perception.{algorithm.name}.uses.{usage.resource.name}"
+    related = (Related("declared here", declared),)
+    return finding("misused-resource", message, usage.place, path=path, help=help, related=related)
+
+
+def _a(variable: Variable) -> str:
+    return f"an {variable.type.kind}" if variable.type.kind is Kind.INT else f"a {variable.type.kind}"

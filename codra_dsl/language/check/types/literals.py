@@ -1,0 +1,90 @@
+"""Names that were probably intended as literals: members and texts without quotes, and words such as `yes`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from codra_dsl.language.check.conditions.conditions import OVER_CONTEXT, OVER_KNOWLEDGE, Role, Site
+from codra_dsl.language.check.conditions.types import Types
+from codra_dsl.language.check.index.fixes import quoting, truth
+from codra_dsl.language.check.index.mentions import Mention
+from codra_dsl.language.check.index.spec_index import SpecIndex
+from codra_dsl.language.check.solver.values import links
+from codra_dsl.language.diagnostics import Fix
+from codra_dsl.language.expression import Name, Node, walk
+from codra_dsl.language.load.yaml.fixes import truth_value_of
+from codra_dsl.language.model import Condition, Kind
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """The help for a name intended as a literal. `truth` is `true` or `false` if it is intended as one of them."""
+
+    help: str
+    truth: str = ""
+    condition: Condition | None = None
+
+    def fix(self, mentions: Sequence[Mention]) -> Fix | None:
+        """Return the fix of all mentions of the name."""
+        name = mentions[0].name
+        if self.truth:
+            return truth(name, self.truth, [mention.place for mention in mentions])
+        alone = self.condition is not None and len(mentions) == 1
+        return quoting(name, mentions[0].place, self.condition) if alone and self.condition else None
+
+
+def intended_literal(scope: SpecIndex, site: Site, name: str) -> Literal | None:
+    """Return the help for a name that was intended as a literal: a member without quotes, or `yes`."""
+    alone = isinstance(site.condition.tree, Name)
+    truth_value = truth_value_of(name)
+    if truth_value is not None:
+        if not alone:
+            return Literal(f"write '{truth_value}'", truth_value)
+        return Literal(
+            f"write '{truth_value}' including the quotes" if site.variable else f"write a condition: x == {truth_value}"
+        )
+    seen: Types = scope.returned_types[site.owner[1]] if site.owner[0] == "perception" else {}
+    if site.role in OVER_KNOWLEDGE:
+        seen = {mentioned.name: scope.world.read_type(mentioned.name) for mentioned in site.names}
+    types = [seen.get(mentioned.name) or scope.context_types.get(mentioned.name) for mentioned in site.names]
+    members = [
+        declared.values
+        for declared in (*types, scope.wanted(site))
+        if declared is not None and declared.kind is Kind.ENUM
+    ]
+    if not any(name in values for values in members):
+        return None
+    if alone:
+        return Literal(f"write '\"{name}\"': YAML removes the outer quotes")
+    return Literal(f'put the member in quotes: "{name}"', condition=site.condition)
+
+
+def literal_compared(scope: SpecIndex, mention: Mention) -> str | None:
+    """Return the help for an undeclared name that is compared as a literal, or is a member of some enum."""
+    site = mention.site
+    if site is None or site.condition.tree is None:
+        return None
+    in_context = site.role in OVER_CONTEXT
+    seen = scope.context_types if in_context else _seen_by(scope, site)
+    if isinstance(site.condition.tree, Name):
+        owners = (name for name, declared in seen.items() if declared is not None and mention.name in declared.values)
+        owner = scope.owner_of_member.get(mention.name) if in_context else next(owners, None)
+        return f'write {owner} == "{mention.name}"' if owner else None
+    sides = (side for node in walk(site.condition.tree) for _, *link in links(node) for side in (link, link[::-1]))
+    beside = (other.name for one, other in sides if isinstance(other, Name) and _is(one, mention.name))
+    kinds = {declared.kind for name in beside if (declared := seen.get(name)) is not None}
+    if kinds == {Kind.BOOL}:
+        return "write true or false"
+    return f'put the text in quotes: "{mention.name}"' if kinds == {Kind.STR} else None
+
+
+def _seen_by(scope: SpecIndex, site: Site) -> Types:
+    """Return the types of the names that a condition over results, or of an expectation, can read."""
+    if site.role is Role.MONITOR:
+        return {site.variable or "": scope.wanted(site)}
+    return scope.returned_types[site.owner[1]]
+
+
+def _is(node: Node, name: str) -> bool:
+    return isinstance(node, Name) and node.name == name

@@ -1,0 +1,331 @@
+"""Findings: what is wrong, where, and how to fix it. Every layer of the compiler reports with these values."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Protocol
+
+__all__ = [
+    "Applicability",
+    "Diagnostic",
+    "Edit",
+    "Fix",
+    "Place",
+    "Related",
+    "Rule",
+    "Severity",
+    "Span",
+    "has_errors",
+    "suggest",
+]
+
+_LINE_NUMBER = re.compile(r"(?<=\bline )\d+")
+
+
+class Severity(StrEnum):
+    """The severity of a finding. Only errors keep a spec from being compiled."""
+
+    ERROR = "error"
+    WARNING = "warning"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Span:
+    """A range of text. Lines and columns are 1-based, columns count code points, the end is exclusive.
+
+    Attributes:
+        file: relative to the project root, with `/`; `-` for standard input.
+    """
+
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+class HasSpans(Protocol):
+    """A text that can convert its ranges to spans."""
+
+    def span(self, start: int, end: int) -> Span:
+        """Return the span of a range, given as offsets in code points."""
+        ...
+
+
+class _Late:
+    """Computes the span of a place on first access: the spans of most places are never used."""
+
+    __slots__ = ("_late",)
+    _late: tuple[HasSpans, int, int]
+
+    def __getattr__(self, name: str) -> object:
+        """Fill the slot `span`. Python calls this method only while the slot is empty."""
+        if name != "span":
+            raise AttributeError(name)
+        text, start, end = self._late
+        span = text.span(start, end)
+        object.__setattr__(self, "span", span)
+        return span
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Place(_Late):
+    """Where an element is: its span and, if a template made it, the span of the `use` that made it."""
+
+    span: Span
+    use: Span | None = None
+
+
+def late_place(text: HasSpans, start: int, end: int, use: Span | None) -> Place:
+    """Return the place of a range of a text; its span is computed on first access."""
+    place = object.__new__(Place)
+    object.__setattr__(place, "_late", (text, start, end))
+    object.__setattr__(place, "use", use)
+    return place
+
+
+@dataclass(frozen=True, slots=True)
+class Related:
+    """Another place that belongs to a finding, with a message about it."""
+
+    message: str
+    place: Place
+
+
+class Applicability(StrEnum):
+    """Who may apply a fix: a tool on its own, or a person who has read it."""
+
+    SAFE = "safe"
+    SUGGESTED = "suggested"
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Edit:
+    """A range of text and its replacement; an empty range is an insertion."""
+
+    span: Span
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """A fix that a tool can apply.
+
+    Attributes:
+        message: what the fix does, in the imperative: `Replace 'moniter' by 'monitor'`.
+        edits: they do not overlap, and are applied all together or not at all.
+    """
+
+    message: str
+    edits: tuple[Edit, ...]
+    applicability: Applicability
+
+
+_FIRST_OF_QUALITY = "CDR7"
+
+
+def replacing(place: Place, old: str, new: str, *, safe: bool) -> Fix | None:
+    """Return the fix that replaces a text by another; None in the text of a template, which has other uses."""
+    if place.use is not None:
+        return None
+    applicability = Applicability.SAFE if safe else Applicability.SUGGESTED
+    return Fix(message=f"Replace '{old}' by '{new}'", edits=(Edit(place.span, new),), applicability=applicability)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """One kind of finding. Codes are never reused."""
+
+    code: str
+    name: str
+    severity: Severity
+
+    @property
+    def is_binding(self) -> bool:
+        """Whether it can be neither silenced nor lowered: an error of phases 0 to 6, which prevents compilation."""
+        return self.severity is Severity.ERROR and self.code < _FIRST_OF_QUALITY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One finding.
+
+    Attributes:
+        path: the element within the spec, e.g. `skills.open_door.monitor`; contains no line number.
+        help: how to fix it, in one sentence; empty only if the message already says so.
+        fix: how to fix it, as edits, if a tool can apply them.
+        level: the severity that the project's settings give it instead of the rule's.
+        per_use: if the text of a template gives the same finding in several uses, the finding of each use.
+    """
+
+    rule: Rule
+    message: str
+    place: Place
+    path: str = ""
+    help: str = ""
+    related: tuple[Related, ...] = ()
+    fix: Fix | None = None
+    level: Severity | None = None
+    per_use: tuple[Diagnostic, ...] = ()
+
+    @property
+    def code(self) -> str:
+        """Return the rule's code, `CDRnnnn`."""
+        return self.rule.code
+
+    @property
+    def severity(self) -> Severity:
+        """Return the severity from the settings, else from the rule."""
+        return self.level or self.rule.severity
+
+    @property
+    def fingerprint(self) -> str:
+        """Return an identifier of this finding that stays the same when lines move."""
+        message = _LINE_NUMBER.sub("", self.message)
+        used_in = () if self.place.use is None else (self.place.use.file,)  # specs share parts
+        text = "\0".join((self.code, self.place.span.file, self.path, message, *used_in))
+        return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:16]
+
+
+def is_safe(diagnostic: Diagnostic) -> bool:
+    """Return whether a tool may fix a finding on its own."""
+    return diagnostic.fix is not None and diagnostic.fix.applicability is Applicability.SAFE
+
+
+def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether any finding is an error, which prevents compilation."""
+    return any(diagnostic.severity is Severity.ERROR for diagnostic in diagnostics)
+
+
+def has_binding_errors(diagnostics: Iterable[Diagnostic]) -> bool:
+    """Return whether any finding prevents compilation regardless of comments and settings."""
+    return any(diagnostic.rule.is_binding for diagnostic in diagnostics)
+
+
+def in_file_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return findings sorted by file, place and code, without duplicates."""
+    unique = dict.fromkeys(diagnostics)
+    return tuple(sorted(unique, key=lambda diagnostic: (diagnostic.place.span, diagnostic.code, diagnostic.message)))
+
+
+MAX_LISTED_USES = 5
+"""The number of other uses of a template that a finding lists."""
+
+
+def once_per_template(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Return findings, with those of one template text merged into one that lists the other uses."""
+    same: dict[object, list[Diagnostic]] = {}
+    in_one_use: Counter[object] = Counter()
+    for diagnostic in diagnostics:
+        key: object = diagnostic
+        if diagnostic.place.use is not None:  # several findings of one use at one place stay separate
+            in_one_use[diagnostic.code, diagnostic.place] += 1
+            key = diagnostic.code, diagnostic.place.span, in_one_use[diagnostic.code, diagnostic.place]
+        same.setdefault(key, []).append(diagnostic)
+    return tuple(_with_uses(*sorted(group, key=lambda diagnostic: diagnostic.place)) for group in same.values())
+
+
+def _with_uses(first: Diagnostic, *others: Diagnostic) -> Diagnostic:
+    uses = {diagnostic.place.use: diagnostic for diagnostic in others if diagnostic.place.use != first.place.use}
+    listed = list(uses.values())[:MAX_LISTED_USES]
+    also = tuple(Related(f"in another use: {diagnostic.message}", diagnostic.place) for diagnostic in listed)
+    return replace(first, related=first.related + also, per_use=(first, *others)) if also else first
+
+
+MAX_CANDIDATES = 2000
+MAX_SUGGESTED_LENGTH = 64
+
+_APART = re.compile(r"[_\s-]+")
+_DIGIT = re.compile(r"[0-9]")
+_SHORT_WORD = 4
+_LONG_WORD = 8
+
+
+def suggest(name: str, candidates: Iterable[str]) -> str | None:
+    """Return the candidate that `name` most likely means, or None.
+
+    At most a third of the letters may differ (insertions, deletions, replacements, swapped neighbours). Between two
+    equally near candidates, the one with the same first letter wins. Cost is bounded: at most MAX_CANDIDATES names of
+    similar length are compared.
+    """
+    if len(name) > MAX_SUGGESTED_LENGTH:
+        return None
+    limit = max(1, len(name) // 3)
+    similar = [other for other in set(candidates) if abs(len(other) - len(name)) <= limit and other != name]
+    similar.sort(key=lambda other: (other[:1] != name[:1], other))
+    wanted, best = name.casefold(), None
+    for other in similar[:MAX_CANDIDATES]:
+        distance = _distance(wanted, other.casefold(), limit)
+        if distance <= limit:
+            best, limit = other, distance - 1  # from here on only nearer candidates count
+        if limit < 0:
+            break
+    return best
+
+
+def surely_means(name: str, near: str, candidates: Iterable[str]) -> bool:
+    """Return whether a misspelt name almost certainly means `near`, so that a tool may correct it.
+
+    The two differ only in case or underscores; or in one word of at least four letters, by one typing error (two from
+    eight letters on), and not in a digit. No other candidate may be about as similar.
+    """
+    if not is_slip(name, near):
+        return False
+    wanted, limit = name.casefold(), _distance(name.casefold(), near.casefold(), len(near)) + 1
+    others = [other for other in set(candidates) if other not in (name, near) and abs(len(other) - len(name)) <= limit]
+    return len(others) <= MAX_CANDIDATES and all(_distance(wanted, other.casefold(), limit) > limit for other in others)
+
+
+def is_slip(name: str, near: str) -> bool:
+    """Return whether two names differ so little that one is probably the other, misspelt."""
+    if max(len(name), len(near)) > MAX_SUGGESTED_LENGTH:
+        return False
+    left, right = (_APART.split(text.casefold()) for text in (name, near))
+    if "".join(left) == "".join(right):
+        return True
+    different = [(one, other) for one, other in zip(left, right, strict=False) if one != other]
+    if len(left) != len(right) or len(different) != 1 or _DIGIT.findall(name) != _DIGIT.findall(near):
+        return False
+    one, other = different[0]
+    slips = 1 if len(other) < _LONG_WORD else 2
+    long_enough = max(len(one), len(other)) >= _SHORT_WORD and min(len(one), len(other)) >= _SHORT_WORD - 1
+    return long_enough and _distance(one, other, slips) <= slips
+
+
+def _distance(left: str, right: str, limit: int) -> int:
+    """Return the optimal string alignment distance, or any number above `limit` if it is larger."""
+    if abs(len(left) - len(right)) > limit:
+        return limit + 1
+    start = _shared(left, right)
+    left, right = left[start:], right[start:]
+    end = _shared(left[::-1], right[::-1])
+    left, right = left[: len(left) - end], right[: len(right) - end]
+    before: list[int] = []
+    previous = list(range(len(right) + 1))
+    for row, letter in enumerate(left, start=1):
+        current = [row]
+        for column, other in enumerate(right, start=1):
+            cost = min(previous[column] + 1, current[-1] + 1, previous[column - 1] + (letter != other))
+            if row > 1 and column > 1 and letter == right[column - 2] and left[row - 2] == other:
+                cost = min(cost, before[column - 2] + 1)
+            current.append(cost)
+        if min(current) > limit:
+            return limit + 1
+        before, previous = previous, current
+    return previous[-1]
+
+
+def _shared(left: str, right: str) -> int:
+    """Return how many letters two texts share at their beginning."""
+    pairs = enumerate(zip(left, right, strict=False))
+    return next((index for index, (one, other) in pairs if one != other), min(len(left), len(right)))
+
+
+def rules(*entries: tuple[str, str, Severity]) -> Mapping[str, Rule]:
+    """Return rules by name from (code, name, severity) rows: each package has a table of its own."""
+    return {name: Rule(code=code, name=name, severity=severity) for code, name, severity in entries}

@@ -1,0 +1,67 @@
+"""The condition language and the patterns of knowledge: tokens, parsers, syntax trees, printer.
+
+`check` checks names, types and units.
+"""
+
+from codra_dsl.language.expression.parser import MAX_DEPTH, parse
+from codra_dsl.language.expression.patterns import EdgeTerm, NodeTerm, Path, parse_pattern
+from codra_dsl.language.expression.poses import GEOMETRY, parse_over_context, reads_of, spelt_out
+from codra_dsl.language.expression.printer import to_text
+from codra_dsl.language.expression.tokens import FUNCTIONS, MAX_LENGTH, WORDS, SyntaxProblem, is_name
+from codra_dsl.language.expression.tree import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    Comparison,
+    In,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+    names_in,
+    parts,
+    walk,
+)
+
+__all__ = [
+    "FUNCTIONS",
+    "GEOMETRY",
+    "MAX_DEPTH",
+    "MAX_LENGTH",
+    "WORDS",
+    "And",
+    "Arithmetic",
+    "Call",
+    "Choice",
+    "Compare",
+    "Comparison",
+    "EdgeTerm",
+    "In",
+    "Name",
+    "Negative",
+    "Node",
+    "NodeTerm",
+    "Not",
+    "Number",
+    "Or",
+    "Path",
+    "SyntaxProblem",
+    "Text",
+    "Truth",
+    "is_name",
+    "names_in",
+    "parse",
+    "parse_over_context",
+    "parse_pattern",
+    "parts",
+    "reads_of",
+    "spelt_out",
+    "to_text",
+    "walk",
+]

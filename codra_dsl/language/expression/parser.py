@@ -1,0 +1,387 @@
+"""Tokens -> syntax tree, by precedence climbing.
+
+From loosest to tightest: `A if C else B`, `or`, `and`, `not`, comparisons and `in`, `+ -`, `* /`, sign. As in Python,
+comparisons form chains and `not` applies to a complete comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression.tokens import (
+    FUNCTIONS,
+    WORDS,
+    SlipError,
+    SyntaxProblem,
+    Token,
+    TokenKind,
+    is_name,
+    shown,
+    tokens,
+)
+from codra_dsl.language.expression.tree import (
+    And,
+    Arithmetic,
+    Call,
+    Choice,
+    Compare,
+    Comparison,
+    In,
+    Name,
+    Negative,
+    Node,
+    Not,
+    Number,
+    Or,
+    Text,
+    Truth,
+    parts,
+)
+from codra_dsl.language.units import parse_unit
+
+MAX_DEPTH = 64
+"""The maximum nesting depth of a condition."""
+
+
+class Power(IntEnum):
+    """The binding power of an operator: a larger one binds tighter."""
+
+    CHOICE = 1
+    OR = 2
+    AND = 3
+    NOT = 4
+    COMPARE = 5
+    SUM = 6
+    PRODUCT = 7
+    SIGN = 8
+
+
+_COMPARISONS = frozenset(Comparison)
+_OTHER_FUNCTIONS = {
+    "minimum": "did you mean 'min'?",
+    "maximum": "did you mean 'max'?",
+    "fabs": "did you mean 'abs'?",
+    "unknown": "write not known(x)",
+    "is_known": "did you mean 'known'?",
+    "defined": "did you mean 'known'?",
+    **dict.fromkeys(("distance", "in_view"), "use poses in 'observable_when', or in patterns of agents"),
+}
+
+
+_OTHER_OPERATORS = {
+    "equals": "write '=='",
+    "above": "write '>'",
+    "over": "write '>'",
+    "below": "write '<'",
+    "under": "write '<'",
+    "then": "write A if CONDITION else B",
+    "between": "write LOW <= x <= HIGH",
+}
+
+
+def parse(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition, or the problem of an invalid text. Never raises."""
+    if is_name(text):  # the most common form
+        return Name(start=0, end=len(text), name=text)
+    try:
+        return _Parser(tokens(text)).parse()
+    except SlipError as slip:
+        return slip.problem
+
+
+class _Parser:
+    """Reads one condition.
+
+    Tokens are distinguished by their text alone: no name, number or quoted text is spelled like a word or a symbol.
+    """
+
+    def __init__(self, all_tokens: tuple[Token, ...]) -> None:
+        self._tokens = all_tokens
+        self._position = 0
+        self._depth = 0
+
+    def parse(self) -> Node:
+        """Return the tree of all tokens."""
+        if self._ended():
+            raise SlipError("the condition is empty", 0, self._next.end, "write a condition such as x > 3")
+        node = self.expression(Power.CHOICE)
+        if not self._ended():
+            raise self._unexpected()
+        if _depth(node) > MAX_DEPTH:
+            raise _too_deep(node.start, node.end)
+        return node
+
+    def expression(self, power: Power) -> Node:
+        """Return the longest expression from here on whose operators bind at least as tightly as `power`."""
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise _too_deep(self._next.start, self._next.end)
+        node = self._operand(power)
+        while (infix := self._infix()) is not None and infix.power >= power:
+            node = infix.read(self, node)
+        self._depth -= 1
+        return node
+
+    def choice(self, then: Node) -> Node:
+        """Read `if C else B` after `A`."""
+        opening = self._take()
+        condition = self.expression(Power.OR)
+        if self._next.text != "else":
+            raise SlipError("'if' without 'else'", opening.start, opening.end, "write A if CONDITION else B")
+        self._take()
+        otherwise = self.expression(Power.CHOICE)
+        return Choice(start=then.start, end=otherwise.end, then=then, condition=condition, otherwise=otherwise)
+
+    def disjunction(self, first: Node) -> Node:
+        """Read `or b or c` after `a`."""
+        operands = self._series(first, "or", Power.AND)
+        return Or(start=first.start, end=operands[-1].end, operands=operands)
+
+    def conjunction(self, first: Node) -> Node:
+        """Read `and b and c` after `a`."""
+        operands = self._series(first, "and", Power.NOT)
+        return And(start=first.start, end=operands[-1].end, operands=operands)
+
+    def comparison(self, first: Node) -> Node:
+        """Read the links of a chain after its first operand."""
+        rest: list[tuple[Comparison, Node]] = []
+        while self._next.text in _COMPARISONS:
+            operator = Comparison(self._take().text)
+            rest.append((operator, self.expression(Power.SUM)))
+            if len(rest) > MAX_DEPTH:  # Python nests the links of a chain
+                raise _too_deep(first.start, rest[-1][1].end)
+        if self._next.text in ("in", "not"):
+            raise self._mixed_chain()
+        return Compare(start=first.start, end=rest[-1][1].end, first=first, rest=tuple(rest))
+
+    def membership(self, item: Node) -> Node:
+        """Read `in (a, b)` or `not in (a, b)` after `x`."""
+        negated = self._next.text == "not"
+        if negated:
+            self._take()
+        self._take()
+        if self._next.text != "(":
+            at = self._next
+            raise SlipError("a list is missing after 'in'", at.start, at.end, "write x in (1, 2) or x == 1")
+        options, end = self._listed()
+        if not options:
+            raise SlipError("the list after 'in' is empty", item.start, end, "list the allowed values: x in (1, 2)")
+        if self._next.text in _COMPARISONS:
+            raise self._mixed_chain()
+        return In(start=item.start, end=end, item=item, options=options, negated=negated)
+
+    def arithmetic(self, left: Node) -> Node:
+        """Read one `+ b`, `- b`, `* b` or `/ b` after `a`."""
+        operator = self._take().text
+        right = self.expression(Power.PRODUCT if operator in "+-" else Power.SIGN)
+        return Arithmetic(start=left.start, end=right.end, operator=operator, left=left, right=right)
+
+    @property
+    def _next(self) -> Token:
+        return self._tokens[self._position]
+
+    def _ended(self) -> bool:
+        return self._next.kind is TokenKind.END
+
+    def _take(self) -> Token:
+        token = self._tokens[self._position]
+        self._position += 1
+        return token
+
+    def _infix(self) -> _Infix | None:
+        token = self._next
+        if token.text == "not" and self._tokens[self._position + 1].text != "in":
+            return None
+        return _INFIX.get(token.text)
+
+    def _series(self, first: Node, word: str, power: Power) -> tuple[Node, ...]:
+        operands = [first]
+        while self._next.text == word:
+            self._take()
+            operands.append(self.expression(power))
+        return tuple(operands)
+
+    def _operand(self, power: Power) -> Node:
+        token = self._next
+        start, end = token.start, token.end
+        match token.kind, token.text:
+            case TokenKind.NUMBER, _ if not isinstance(token.value, str):
+                node: Node = Number(start=start, end=end, value=token.value, unit=token.unit)
+            case TokenKind.TEXT, _:
+                node = Text(start=start, end=end, value=str(token.value))
+            case TokenKind.WORD, "true" | "false":
+                node = Truth(start=start, end=end, value=token.text == "true")
+            case TokenKind.NAME, _:
+                return self._name_or_call()
+            case _:
+                return self._prefixed(power)
+        self._take()
+        return node
+
+    def _prefixed(self, power: Power) -> Node:
+        token = self._next
+        if token.text == "(":
+            return self._grouped()
+        if token.text == "-":
+            self._take()
+            operand = self.expression(Power.SIGN)
+            return Negative(start=token.start, end=operand.end, operand=operand)
+        if token.text == "not":
+            if power > Power.NOT:
+                raise SlipError("'not' needs parentheses here", token.start, token.end, "write (not x)")
+            self._take()
+            operand = self.expression(Power.NOT)
+            return Not(start=token.start, end=operand.end, operand=operand)
+        raise self._missing_operand()
+
+    def _grouped(self) -> Node:
+        opening = self._take()
+        node = self.expression(Power.CHOICE)
+        if self._next.text == ",":
+            at = self._next
+            raise SlipError("a list is allowed only after 'in'", opening.start, at.end, "write x in (1, 2)")
+        self._close(opening)
+        return node
+
+    def _close(self, opening: Token) -> int:
+        """Take the closing parenthesis and return its end offset."""
+        if self._ended():
+            raise SlipError("'(' is never closed", opening.start, opening.end, "add ')'")
+        if self._next.text != ")":
+            raise self._unexpected()
+        return self._take().end
+
+    def _listed(self) -> tuple[tuple[Node, ...], int]:
+        """Return the expressions between parentheses and the end offset; a trailing comma is allowed."""
+        opening = self._take()
+        expressions: list[Node] = []
+        while self._next.text != ")":
+            if self._ended():
+                break
+            expressions.append(self.expression(Power.CHOICE))
+            if self._next.kind in (TokenKind.NAME, TokenKind.NUMBER, TokenKind.TEXT):
+                raise self._missing_comma()
+            if self._next.text != ",":
+                break
+            self._take()
+        return tuple(expressions), self._close(opening)
+
+    def _name_or_call(self) -> Node:
+        token = self._take()
+        called = self._next.text == "("
+        if not called and token.text in FUNCTIONS:
+            raise SlipError(f"'{token.text}' is a function", token.start, token.end, f"write {token.text}(...)")
+        if not called:
+            return Name(start=token.start, end=token.end, name=token.text)
+        if token.text not in FUNCTIONS:
+            raise _unknown_function(token)
+        arguments, end = self._listed()
+        return _checked_call(Call(start=token.start, end=end, function=token.text, arguments=arguments))
+
+    def _missing_operand(self) -> SlipError:
+        token = self._next
+        if token.text in ("if", "else"):
+            return SlipError(f"unexpected '{token.text}'", token.start, token.end, "write A if CONDITION else B")
+        if self._position == 0 and token.text != ")":
+            return SlipError(
+                f"a value is missing before '{token.text}'", token.start, token.end, "write what is compared first"
+            )
+        if self._position == 0:
+            return SlipError("')' closes nothing", token.start, token.end, "remove it")
+        before = self._tokens[self._position - 1]
+        help_text = "complete the condition" if token.kind is TokenKind.END else f"add a value before '{token.text}'"
+        return SlipError(f"a value is missing after '{before.text}'", before.start, before.end, help_text)
+
+    def _unexpected(self) -> SlipError:
+        token = self._next
+        small = token.text.lower()
+        if token.kind is TokenKind.NAME and small in WORDS:
+            return SlipError(f"'{token.text}' is not an operator", token.start, token.end, f"write '{small}'")
+        if token.text == "else":
+            return SlipError("'else' without 'if'", token.start, token.end, "write A if CONDITION else B")
+        if token.text == ")":
+            return SlipError("')' closes nothing", token.start, token.end, "remove it or add '('")
+        before, after = self._tokens[self._position - 1], self._tokens[min(self._position + 1, len(self._tokens) - 1)]
+        numbers = before.kind is after.kind is TokenKind.NUMBER
+        if token.text == "," and numbers and (before.end, after.start) == (token.start, token.end):
+            return SlipError("',' is not a decimal point", before.start, after.end, f"write {before.text}.{after.text}")
+        if token.text == ",":
+            help_text = "join conditions with 'and' or 'or', or write each as an item of its own"
+            return SlipError("unexpected ','", token.start, token.end, help_text)
+        replacement = _OTHER_OPERATORS.get(small) or _OTHER_OPERATORS.get(before.text.lower())
+        help_text = replacement or "join conditions with 'and' or 'or', compare values with '==' or '<'"
+        if parse_unit(token.text) is not None and before.kind is TokenKind.NAME:
+            help_text = f"remove it: {before.text} has the unit that it is declared with"
+        return SlipError(f"an operator is missing before {shown(token.text)}", token.start, token.end, help_text)
+
+    def _missing_comma(self) -> SlipError:
+        token = self._next
+        return SlipError(
+            f"a ',' is missing before {shown(token.text)}", token.start, token.end, "put ',' between values"
+        )
+
+    def _mixed_chain(self) -> SlipError:
+        token = self._next
+        help_text = "put one of the comparisons in parentheses or join them with 'and'"
+        return SlipError("'in' cannot be part of a chain of comparisons", token.start, token.end, help_text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Infix:
+    """An infix operator and the method that reads the rest of its expression."""
+
+    power: Power
+    read: Callable[[_Parser, Node], Node]
+
+
+_INFIX: Mapping[str, _Infix] = {
+    "if": _Infix(Power.CHOICE, _Parser.choice),
+    "or": _Infix(Power.OR, _Parser.disjunction),
+    "and": _Infix(Power.AND, _Parser.conjunction),
+    "in": _Infix(Power.COMPARE, _Parser.membership),
+    "not": _Infix(Power.COMPARE, _Parser.membership),
+    **{operator.value: _Infix(Power.COMPARE, _Parser.comparison) for operator in Comparison},
+    "+": _Infix(Power.SUM, _Parser.arithmetic),
+    "-": _Infix(Power.SUM, _Parser.arithmetic),
+    "*": _Infix(Power.PRODUCT, _Parser.arithmetic),
+    "/": _Infix(Power.PRODUCT, _Parser.arithmetic),
+}
+
+
+def _unknown_function(token: Token) -> SlipError:
+    near = suggest(token.text, FUNCTIONS)
+    listed = f"did you mean '{near}'?" if near else f"functions are {', '.join(sorted(FUNCTIONS))}"
+    help_text = _OTHER_FUNCTIONS.get(token.text, listed)
+    return SlipError(f"unknown function {shown(token.text)}", token.start, token.end, help_text)
+
+
+def _checked_call(call: Call) -> Call:
+    least, most = FUNCTIONS[call.function]
+    count = len(call.arguments)
+    if count < least or (most is not None and count > most):
+        takes = f"one value, not {count}" if most == 1 else f"at least {least} values, not {count}"
+        help_text = f"write {call.function}(x)" if most == 1 else f"write {call.function}(a, b)"
+        raise SlipError(f"{call.function}() takes {takes}", call.start, call.end, help_text)
+    argument = call.arguments[0]
+    if call.function in ("known", "age") and not isinstance(argument, Name):
+        help_text = f"write {call.function}(NAME), without quotes or operators"
+        raise SlipError(f"{call.function}() takes one name", argument.start, argument.end, help_text)
+    return call
+
+
+def _too_deep(start: int, end: int) -> SlipError:
+    help_text = f"at most {MAX_DEPTH} levels are allowed: split the condition"
+    return SlipError("the condition is nested too deeply", start, end, help_text)
+
+
+def _depth(node: Node) -> int:
+    deepest = 0
+    pending = [(node, 1)]
+    while pending:
+        current, depth = pending.pop()
+        deepest = max(deepest, depth)
+        pending.extend((part, depth + 1) for part in parts(current))
+    return deepest

@@ -1,0 +1,258 @@
+"""Patterns of the knowledge graph: text -> syntax tree, with help for common mistakes.
+
+A pattern is a path, `robot -wants-> detecting`, optionally preceded by `not`, or a condition. A condition reads
+context-variables, `node.attribute`, `distance(a, b)` and `in_view(node, camera)`: each is one name in its tree.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.language.expression.poses import parse_named
+from codra_dsl.language.expression.tokens import MAX_LENGTH, SlipError, SyntaxProblem, is_name, shown
+from codra_dsl.language.expression.tree import Name, Node
+
+MAX_LINKS = 16
+"""The maximum number of edges of a path."""
+
+_EXAMPLE = "write a path such as robot -wants-> detecting"
+_WORDS = frozenset({"some", "anything", "as", "not"})
+_QUANTIFIERS = {"a": "some", "an": "some", "any": "some", "one": "some", "every": "some", "each": "some", "all": "some"}
+_TOKEN = re.compile(r"(?P<blank>[ \t\r\n]+)|(?P<name>[^\W\d]\w*)|(?P<sign>->|<-|-)|(?P<other>.)", re.DOTALL)
+_TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
+_ARROW = re.compile(rf"(?:{_TEXT})|(?P<arrow>->|[-=]>|<-[A-Za-z]\w*-(?!>)|→|←)", re.DOTALL)
+_NAME = r"[A-Za-z][A-Za-z0-9_]*"
+_THREE_WORDS = re.compile(rf"(?:not\s+)?({_NAME})\s+({_NAME})\s+({_NAME})", re.ASCII)
+_OPEN_ARROW = re.compile(rf"(?:not\s+)?({_NAME})\s+-({_NAME})-\s+({_NAME})", re.ASCII)
+_OPERATORS = frozenset({"and", "or", "in", "if", "else", "not"})
+_SLIPS: Mapping[str, str] = {
+    "→": "write '->'",
+    "←": "write '<-'",
+    "[": "write the edge without brackets: -EDGE->",
+    "]": "write the edge without brackets: -EDGE->",
+    "(": "write the node without parentheses",
+    ")": "write the node without parentheses",
+    ":": "write some TYPE",
+    ",": "write each pattern as an item of its own",
+    "=": "write '->'",
+    ">": "write '->'",
+    ".": "a path names nodes and edges; ask for an attribute in a condition of its own",
+    "$": "parameters are written $(name), and only inside a template",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeTerm(Node):
+    """A node on a path: a named node, some node of a type, or any node.
+
+    Attributes:
+        name: of a named node; empty for others.
+        type: the required type; empty for named nodes and for any node.
+        called: the name after `as`; terms of one path with the same such name are the same node.
+    """
+
+    name: str = ""
+    type: str = ""
+    called: str = ""
+
+    def __str__(self) -> str:
+        """Return it as written."""
+        kind = self.name or (f"some {self.type}" if self.type else "anything")
+        return f"{kind} as {self.called}" if self.called else kind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeTerm(Node):
+    """An edge on a path: the name of its type or its label; a path may follow it against its direction."""
+
+    edge: str
+    is_backward: bool = False
+
+    def __str__(self) -> str:
+        """Return it as written."""
+        return f"<-{self.edge}-" if self.is_backward else f"-{self.edge}->"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Path(Node):
+    """A sequence of nodes, each connected to the next by an edge; or, negated, that no such sequence exists.
+
+    Attributes:
+        terms: one more than links.
+    """
+
+    terms: tuple[NodeTerm, ...]
+    links: tuple[EdgeTerm, ...]
+    negated: bool = False
+
+    def steps(self) -> Iterator[tuple[NodeTerm, EdgeTerm, NodeTerm]]:
+        """Yield each edge with its origin and its target."""
+        for before, link, after in zip(self.terms, self.links, self.terms[1:], strict=False):
+            yield (after, link, before) if link.is_backward else (before, link, after)
+
+    def __str__(self) -> str:
+        """Return it as written."""
+        words = [str(self.terms[0])]
+        for link, term in zip(self.links, self.terms[1:], strict=True):
+            words += (str(link), str(term))
+        return " ".join([*(["not"] if self.negated else []), *words])
+
+
+def parse_pattern(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a pattern, or the problem of an invalid text. Never raises."""
+    try:
+        if len(text) > MAX_LENGTH:
+            help_text = f"at most {MAX_LENGTH} are allowed: split it into several patterns"
+            raise SlipError(f"a pattern of {len(text)} characters is too long", MAX_LENGTH, len(text), help_text)
+        is_path = any(match["arrow"] for match in _ARROW.finditer(text))
+        return _PathParser(text).parse() if is_path else _condition(text)
+    except SlipError as slip:
+        return slip.problem
+
+
+def _condition(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition whose names may have parts, with offsets in the text."""
+    if text in _WORDS:
+        raise SlipError(f"{shown(text)} is not a pattern by itself", 0, len(text), _EXAMPLE)
+    if is_name(text):
+        return Name(start=0, end=len(text), name=text)
+    words = _THREE_WORDS.fullmatch(text)
+    if words is not None and not _OPERATORS & set(words.groups()):
+        first, edge, last = words.groups()
+        raise SlipError(
+            f"the arrow of edge {shown(edge)} is missing", *words.span(2), f"write {first} -{edge}-> {last}"
+        )
+    open_arrow = _OPEN_ARROW.fullmatch(text)
+    if open_arrow is not None:
+        first, edge, last = open_arrow.groups()
+        raise SlipError(f"'->' is missing after '{edge}'", *open_arrow.span(2), f"write {first} -{edge}-> {last}")
+    return parse_named(text)
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    """A token of a path."""
+
+    text: str
+    start: int
+    end: int
+
+    @property
+    def is_name(self) -> bool:
+        return self.text[:1].isidentifier()
+
+
+class _PathParser:
+    """Reads one path."""
+
+    def __init__(self, text: str) -> None:
+        self._tokens: list[_Token] = []
+        self._slip: SlipError | None = None
+        self._position = 0
+        try:
+            self._tokens.extend(_path_tokens(text))
+        except SlipError as slip:  # raised when the parser gets this far
+            self._slip = slip
+            self._tokens.append(_Token("", slip.problem.start, slip.problem.end))
+
+    def parse(self) -> Path:
+        """Return the path of all tokens."""
+        start = self._next.start
+        negated = self._next.text == "not"
+        if negated:
+            self._take()
+        terms, links = [self._term()], list[EdgeTerm]()
+        while self._next.text:
+            links.append(self._link())
+            terms.append(self._term())
+        if len(links) > MAX_LINKS:
+            help_text = f"at most {MAX_LINKS} edges are allowed: split it into several patterns"
+            raise SlipError("the path is too long", links[MAX_LINKS].start, links[-1].end, help_text)
+        return Path(start=start, end=terms[-1].end, terms=tuple(terms), links=tuple(links), negated=negated)
+
+    @property
+    def _next(self) -> _Token:
+        if self._slip is not None and self._position == len(self._tokens) - 1:
+            raise self._slip
+        return self._tokens[self._position]
+
+    @property
+    def _before(self) -> _Token:
+        return self._tokens[self._position - 1]
+
+    def _take(self) -> _Token:
+        token = self._tokens[self._position]
+        self._position += 1
+        return token
+
+    def _term(self) -> NodeTerm:
+        """Read a node: NAME, `some TYPE` or `anything`; `as NAME` may follow the latter two."""
+        first = self._next
+        if not first.is_name or first.text in ("as", "not"):
+            raise self._missing_node()
+        self._take()
+        if first.text in _QUANTIFIERS and self._next.is_name:
+            raise SlipError(f"{shown(first.text)} is not a node", first.start, first.end, "write 'some'")
+        if first.text not in _WORDS:
+            return NodeTerm(start=first.start, end=first.end, name=first.text)
+        kind = self._name("a type", "after 'some'", "write some TYPE") if first.text == "some" else ""
+        called = ""
+        if self._next.text == "as":
+            self._take()
+            called = self._name("a name", "after 'as'", "write some TYPE as NAME")
+        return NodeTerm(start=first.start, end=self._before.end, type=kind, called=called)
+
+    def _link(self) -> EdgeTerm:
+        """Read an edge: `-NAME->`, or `<-NAME-` against its direction."""
+        opening = self._next
+        if opening.text not in ("-", "<-"):
+            raise self._missing_edge()
+        self._take()
+        if self._next.text == "-":
+            raise SlipError("one '-' is enough", self._next.start, self._next.end, "write -EDGE->")
+        edge = self._name("an edge", f"after '{opening.text}'", "write -EDGE->")
+        is_backward = opening.text == "<-"
+        closing = "-" if is_backward else "->"
+        if self._next.text != closing:
+            help_text = f"write <-{edge}-" if is_backward else f"write -{edge}->"
+            at = self._before
+            raise SlipError(f"'{closing}' is missing after '{edge}'", at.start, at.end, help_text)
+        end = self._take().end
+        return EdgeTerm(start=opening.start, end=end, edge=edge, is_backward=is_backward)
+
+    def _name(self, what: str, where: str, help_text: str) -> str:
+        token = self._next
+        if not token.is_name or token.text in _WORDS:
+            at = self._before
+            raise SlipError(f"{what} is missing {where}", at.start, at.end, help_text)
+        return self._take().text
+
+    def _missing_node(self) -> SlipError:
+        at, token = self._before, self._next
+        if self._position == 0:
+            return SlipError("a path begins with a node", token.start, max(token.end, 1), _EXAMPLE)
+        return SlipError(f"a node is missing after '{at.text}'", at.start, at.end, _EXAMPLE)
+
+    def _missing_edge(self) -> SlipError:
+        at, token = self._before, self._next
+        if token.text == "->":
+            help_text = f"write {at.text} -EDGE->"
+            return SlipError("'->' without an edge", token.start, token.end, help_text)
+        help_text = "write each pattern as an item of its own" if token.text in ("and", "or") else _EXAMPLE
+        return SlipError(f"an edge is missing before {shown(token.text)}", token.start, token.end, help_text)
+
+
+def _path_tokens(text: str) -> Iterator[_Token]:
+    """Yield the tokens of a path, followed by an empty one."""
+    for match in _TOKEN.finditer(text):
+        start, end = match.span()
+        if match["other"]:
+            raise SlipError(f"{shown(match[0])} is not part of a path", start, end, _SLIPS.get(match[0], "remove it"))
+        if match["name"] and not match[0].isascii():
+            help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
+            raise SlipError(f"{shown(match[0])} is not a name", start, end, help_text)
+        if not match["blank"]:
+            yield _Token(match[0], start, end)
+    yield _Token("", len(text), len(text))

@@ -1,0 +1,166 @@
+"""Functions of poses, and names with parts: `distance(a, b)`, `in_view(node, camera)`, `node.attribute`.
+
+Each is one name in the tree of a pattern's condition. In a condition over context, a complete comparison with poses is
+one name, `distance(a, b) < 0.9 m`: poses change all the time, but the result of the comparison changes seldom.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+from codra_dsl.language.expression.parser import parse
+from codra_dsl.language.expression.printer import to_text
+from codra_dsl.language.expression.tokens import SlipError, SyntaxProblem, shown
+from codra_dsl.language.expression.tree import Call, Compare, In, Name, Node, names_in, walk
+
+NodeT = TypeVar("NodeT", bound=Node)
+
+GEOMETRY = ("distance", "in_view")
+"""Additional functions, of two nodes, in conditions over context and in conditions of patterns."""
+
+_TEXT = r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'"""
+_NAME = r"[A-Za-z][A-Za-z0-9_]*"
+_OF_POSES = rf"""(?:{_TEXT})
+    | (?P<asked>\b(?:{"|".join(GEOMETRY)})\ *\(\ *(?P<first>{_NAME})\ *,\ *(?P<second>{_NAME})\ *\))
+    | (?P<half>\b(?:{"|".join(GEOMETRY)})\ *\()"""
+_FLAGS = re.VERBOSE | re.DOTALL | re.ASCII
+_ASKED = re.compile(rf"{_OF_POSES}|(?P<dotted>(?!))", _FLAGS)
+_READ = re.compile(rf"{_OF_POSES}|(?P<dotted>(?<![\w.]){_NAME}(?:\.{_NAME})+(?!\w))", _FLAGS)
+_MAY_ASK = re.compile(rf"\b(?:{'|'.join(GEOMETRY)})\ *\(", re.ASCII)
+
+
+def parse_named(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition whose names may have parts, with offsets in the text.
+
+    Raises:
+        SlipError: if such a name is invalid.
+    """
+    return _parsed(text, _READ)
+
+
+def parse_over_context(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition over context, with comparisons of poses as names. Never raises."""
+    if _MAY_ASK.search(text) is None:
+        return parse(text)
+    try:
+        tree = _parsed(text, _ASKED)
+        return tree if isinstance(tree, SyntaxProblem) else _posed(tree)
+    except SlipError as slip:
+        return slip.problem
+
+
+def spelt_out(tree: Node) -> Node:
+    """Return a condition over context with the comparisons of poses in place of their names."""
+    if isinstance(tree, Name):
+        return tree if tree.asks is None else tree.asks
+    if not any(part.asks is not None for part in names_in(tree)):
+        return tree
+    return _map_parts(tree, spelt_out)
+
+
+def reads_of(name: str) -> tuple[str, str, str]:
+    """Return what a name in a condition reads, as (function, first name, second name); missing parts are empty.
+
+    `a.b` gives ("", "a", "b"), `distance(a, b)` gives ("distance", "a", "b"), `c` gives ("", "", "c").
+    """
+    function, bracket, inner = name.partition("(")
+    if bracket:
+        first, _, second = inner.rstrip(")").partition(", ")
+        return function, first, second
+    node, dot, attribute = name.partition(".")
+    return ("", node, attribute) if dot else ("", "", name)
+
+
+def _parsed(text: str, read: re.Pattern[str]) -> Node | SyntaxProblem:
+    masked, names = _masked(text, read)
+    tree = parse(masked)
+    if isinstance(tree, SyntaxProblem):
+        message, help_text = tree.message, tree.help
+        for start, name in names.items():
+            mask = masked[start : start + len(_written(text, read, start))]
+            message, help_text = message.replace(mask, name), help_text.replace(mask, name)
+        return SyntaxProblem(message, tree.start, tree.end, help_text)
+    return _named(tree, names) if names else tree
+
+
+def _masked(text: str, read: re.Pattern[str]) -> tuple[str, dict[int, str]]:
+    """Return the text with each name with parts replaced by a plain one of the same length, and the names by offset."""
+    names: dict[int, str] = {}
+    masked = text
+    for match in read.finditer(text):
+        start, end = match.span()
+        if match["half"]:
+            function = match["half"].rstrip("( ")
+            takes = "write distance(a, b)" if function == "distance" else "write in_view(node, camera)"
+            raise SlipError(f"{function}() takes the names of two nodes", start, end, takes)
+        if match["dotted"] and match["dotted"].count(".") > 1:
+            raise SlipError(f"{shown(match[0])} has too many parts", start, end, "write node.attribute")
+        if match["asked"]:
+            function = match["asked"].partition("(")[0].strip()
+            names[start] = f"{function}({match['first']}, {match['second']})"
+        elif match["dotted"]:
+            names[start] = match["dotted"]
+        else:
+            continue
+        masked = masked[:start] + re.sub(r"\W", "_", match[0], flags=re.ASCII) + masked[end:]
+    return masked, names
+
+
+def _written(text: str, read: re.Pattern[str], start: int) -> str:
+    match = read.match(text, start)
+    return "" if match is None else match[0]
+
+
+def _named(value: Node, names: Mapping[int, str]) -> Node:
+    """Return a part of a tree with masked names restored."""
+    if isinstance(value, Name):
+        return replace(value, name=names.get(value.start, value.name))
+    return _map_parts(value, lambda part: _named(part, names))
+
+
+def _posed(value: Node) -> Node:
+    """Return a part of a tree in which each comparison with poses is one name.
+
+    Raises:
+        SlipError: if the result cannot be kept as true, false or unknown.
+    """
+    if isinstance(value, Compare | In | Call | Name):
+        asked = [name for name in names_in(value) if reads_of(name.name)[0]]
+        if asked:
+            return _one_name(value, asked)
+    return _map_parts(value, _posed)
+
+
+def _one_name(part: Compare | In | Call | Name, asked: list[Name]) -> Name:
+    first, text = asked[0], asked[0].name
+    function = reads_of(text)[0]
+    aged = next((inner for inner in walk(part) if isinstance(inner, Call) and inner.function == "age"), None)
+    if aged is not None:
+        help_text = "poses that are older than the 'valid_for' of their edge are unknown"
+        raise SlipError(f"age() and {text} cannot be in one comparison", aged.start, aged.end, help_text)
+    is_truth = isinstance(part, Compare | In) or (isinstance(part, Call) and part.function == "known")
+    if not is_truth and (isinstance(part, Call) or function == "distance"):
+        help_text = f"compare it, e.g. {text} < 0.9 m" if function == "distance" else "remove the function"
+        raise SlipError(f"{text} is not part of a comparison", first.start, first.end, help_text)
+    other = next((name for name in names_in(part) if not reads_of(name.name)[0]), None)
+    if other is not None:
+        help_text = "compare poses only with numbers, and variables in a comparison of their own"
+        raise SlipError(
+            f"{shown(other.name)} cannot be in one comparison with {text}", other.start, other.end, help_text
+        )
+    return Name(start=part.start, end=part.end, name=to_text(part), asks=part)
+
+
+def _map_parts(node: NodeT, function: Callable[[Node], Node]) -> NodeT:
+    """Return a node with a function applied to all its parts, including those in tuples."""
+
+    def apply(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(apply, value))
+        return function(value) if isinstance(value, Node) else value
+
+    own = (part for part in fields(node) if part.name not in ("start", "end"))
+    return replace(node, **{part.name: apply(getattr(node, part.name)) for part in own})

@@ -1,0 +1,267 @@
+"""The tokens of a condition: text -> tokens, with help for common mistakes."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.language.units import NUMBER_TEXT, UNIT_TEXT, parse_number, parse_unit, suggest_unit, units_help
+
+MAX_LENGTH = 2000
+"""The maximum length of a condition, in code points."""
+
+WORDS = ("and", "or", "not", "in", "if", "else", "true", "false")
+"""The keywords of the language, which cannot be names."""
+
+FUNCTIONS: Mapping[str, tuple[int, int | None]] = {
+    "abs": (1, 1),
+    "min": (2, None),
+    "max": (2, None),
+    "known": (1, 1),
+    "age": (1, 1),
+}
+"""The minimum and maximum number of arguments of each function."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_NO_NAMES = frozenset({*keyword.kwlist, *WORDS, *FUNCTIONS, "null"})
+
+
+class TokenKind(StrEnum):
+    """The kinds of token."""
+
+    NUMBER = "number"
+    TEXT = "text"
+    NAME = "name"
+    WORD = "word"
+    SYMBOL = "symbol"
+    END = "end"
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A token of a condition.
+
+    Attributes:
+        value: the number; or the text between the quotes, unescaped.
+        unit: the unit of a number, as written.
+    """
+
+    kind: TokenKind
+    text: str
+    start: int
+    end: int
+    value: int | float | str = ""
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SyntaxProblem:
+    """A syntax error: message, range in code points, and help."""
+
+    message: str
+    start: int
+    end: int
+    help: str
+
+
+class SlipError(Exception):
+    """Carries a problem to `parse`, which returns it."""
+
+    def __init__(self, message: str, start: int, end: int, help_text: str) -> None:
+        super().__init__(message)
+        self.problem = SyntaxProblem(message, start, end, help_text)
+
+
+_UNIT_LIKE = UNIT_TEXT.replace("[A-Za-z]+", r"[^\W\d]\w*")
+"""Matches valid and invalid units alike, so that messages can name an invalid one in full."""
+
+_TOKEN = re.compile(
+    rf"""(?P<blank>[ \t\r\n]+)
+    | (?P<word>[^\W\d]\w*)
+    | (?P<number>{NUMBER_TEXT})(?![0-9_.])(?:[ \t\r\n]*(?P<unit>(?!(?i:{"|".join(WORDS)}|is|then)\b){_UNIT_LIKE}))?
+    | (?P<badnumber>\.?\d[\w.]*)
+    | (?P<text>"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')
+    | (?P<slip>&&|\|\||!==|===|=<|=>|<>|\*\*|//|:=|=(?!=)|!(?!=)|[^-\w\s()<>+*/,"'=!])
+    | (?P<symbol><=|>=|==|!=|[-()<>+*/,])""",
+    re.VERBOSE | re.DOTALL,
+)
+
+_SLIPS: Mapping[str, str] = {
+    "&&": "write 'and'",
+    "&": "write 'and'",
+    "||": "write 'or'",
+    "|": "write 'or'",
+    "!": "write 'not'",
+    "~": "write 'not'",
+    "=": "write '==' to compare",
+    ":=": "write '==' to compare",
+    "===": "write '=='",
+    "!==": "write '!='",
+    "<>": "write '!='",
+    "≠": "write '!='",
+    "=<": "write '<='",
+    "≤": "write '<='",
+    "=>": "write '>='",
+    "≥": "write '>='",
+    "**": "write a product, such as x * x",
+    "^": "write a product, such as x * x",
+    "//": "write '/'",
+    "\N{MULTIPLICATION SIGN}": "write '*'",
+    "·": "write '*'",
+    "÷": "write '/'",
+    "\N{MINUS SIGN}": "write '-'",
+    "?": "write A if CONDITION else B",
+    ":": "write A if CONDITION else B",
+    "[": "list the allowed values in parentheses, such as x in (1, 2)",
+    "]": "list the allowed values in parentheses, such as x in (1, 2)",
+    "{": "list the allowed values in parentheses, such as x in (1, 2)",
+    "}": "list the allowed values in parentheses, such as x in (1, 2)",
+    "$": "parameters are written $(name), and only inside a template",
+    "%": "did you mean 'percent'?",
+    "°": "did you mean 'deg'?",
+    "`": "quote with \" or '",
+    "“": "quote with \" or '",
+    "”": "quote with \" or '",
+    "„": "quote with \" or '",
+    "\N{LEFT SINGLE QUOTATION MARK}": "quote with \" or '",
+    "\N{RIGHT SINGLE QUOTATION MARK}": "quote with \" or '",
+    "#": "remove it; put comments outside the condition",
+    ";": "write each condition as an item of its own",
+}
+
+_ESCAPES: Mapping[str, str] = {"\\": "\\", '"': '"', "'": "'", "n": "\n", "t": "\t"}
+
+
+def tokens(text: str) -> tuple[Token, ...]:
+    """Return the tokens of a text, followed by one of kind END.
+
+    Raises:
+        SlipError: if a part of the text is not a token.
+    """
+    if len(text) > MAX_LENGTH:
+        raise SlipError(
+            f"a condition of {len(text)} characters is too long",
+            MAX_LENGTH,
+            len(text),
+            f"at most {MAX_LENGTH} are allowed: split it into several conditions",
+        )
+    result: list[Token] = []
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise _stray(text, position)
+        if match.lastgroup != "blank":
+            result.append(_token(match))
+        position = match.end()
+    result.append(Token(TokenKind.END, "", len(text), len(text)))
+    return tuple(result)
+
+
+def is_name(text: str) -> bool:
+    """Return whether a text can be the name of a context-variable or of a returned value."""
+    return len(text) <= MAX_LENGTH and text not in _NO_NAMES and _IDENTIFIER.fullmatch(text) is not None
+
+
+def shown(text: str) -> str:
+    """Return a text for a message: quoted, shortened, without control characters."""
+    plain = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text[:41])
+    return f"'{plain[:40]}...'" if len(plain) > 40 else f"'{plain}'"
+
+
+def _token(match: re.Match[str]) -> Token:
+    kind, text, start, end = match.lastgroup, match[0], match.start(), match.end()
+    if kind == "word":
+        return _word(text, start, end)
+    if kind == "symbol":
+        return Token(TokenKind.SYMBOL, text, start, end)
+    if kind in ("number", "unit"):
+        return _number(match)
+    if kind == "text":
+        return Token(TokenKind.TEXT, text, start, end, value=_unescaped(text, start))
+    if kind == "badnumber":
+        raise SlipError(f"{shown(text)} is not a number", start, end, _number_help(text))
+    raise _slip(match.string, text, start, end)
+
+
+def _word(text: str, start: int, end: int) -> Token:
+    if text in WORDS:
+        return Token(TokenKind.WORD, text, start, end)
+    if not _IDENTIFIER.fullmatch(text):
+        help_text = "names hold only letters A to Z, digits and '_', and start with a letter"
+        raise SlipError(f"{shown(text)} is not a name", start, end, help_text)
+    if text == "is":
+        raise SlipError("'is' is not an operator", start, end, "write '==' or '!='")
+    if keyword.iskeyword(text) or text == "null":
+        raise SlipError(f"'{text}' is not a name", start, end, _reserved_help(text))
+    return Token(TokenKind.NAME, text, start, end)
+
+
+def _reserved_help(text: str) -> str:
+    if text in ("True", "False"):
+        return f"write '{text.lower()}'"
+    if text in ("None", "null"):
+        return "ask with known(x) whether a context-variable is known"
+    return "it is a reserved word and cannot be a name"
+
+
+def _number(match: re.Match[str]) -> Token:
+    unit = match["unit"]
+    if unit is not None and parse_unit(unit) is None:
+        raise SlipError(f"unknown unit '{unit}'", match.start("unit"), match.end("unit"), _unit_help(unit))
+    value = parse_number(match["number"])
+    if value is None:
+        start, end = match.span("number")
+        raise SlipError(f"the number {shown(match['number'])} is too large", start, end, "at most 1e100 is allowed")
+    return Token(TokenKind.NUMBER, match[0], match.start(), match.end(), value=value, unit=unit)
+
+
+def _unit_help(unit: str) -> str:
+    first = re.split(r"[*/]", unit)[0]
+    if first != unit and parse_unit(first) is not None and suggest_unit(unit) is None:
+        return f"with blanks around '{unit[len(first)]}' it is an operation, without them a unit"
+    return units_help(unit)
+
+
+def _number_help(text: str) -> str:
+    if text.startswith("."):
+        return f"write 0{text}" if _is_number(f"0{text}") else "write a number such as 0.5"
+    if text.endswith(".") and _is_number(text[:-1]):
+        return f"write {text[:-1]} or {text}0"
+    if "_" in text and _is_number(text.replace("_", "")):
+        return f"write {text.replace('_', '')}"
+    if text.startswith("0") and _is_number(text.lstrip("0")):
+        return f"write {text.lstrip('0')}"
+    return "write a number such as 12, 0.5 or 1e-3"
+
+
+def _is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    return re.fullmatch(NUMBER_TEXT, text) is not None
+
+
+def _unescaped(text: str, start: int) -> str:
+    for escape in re.finditer(r"\\(.)", text, re.DOTALL):
+        if escape[1] not in _ESCAPES:
+            first = start + escape.start()
+            help_text = "a backslash is allowed only before a quote, a backslash, n or t; write \\\\ for a backslash"
+            raise SlipError(f"unknown escape {shown(escape[0])}", first, first + 2, help_text)
+    return re.sub(r"\\(.)", lambda escape: _ESCAPES[escape[1]], text[1:-1])
+
+
+def _slip(condition: str, text: str, start: int, end: int) -> SlipError:
+    if text == "." and condition[:start][-1:].isidentifier():
+        return SlipError("'.' is not an operator", start, end, "names have no parts; name the value itself")
+    noun = "a unit" if text in "%°" else "an operator" if text in _SLIPS else "part of a condition"
+    return SlipError(f"{shown(text)} is not {noun}", start, end, _SLIPS.get(text, "remove it"))
+
+
+def _stray(text: str, position: int) -> SlipError:
+    letter = text[position]
+    if letter in "\"'":
+        return SlipError(f"the quote {letter} is never closed", position, len(text), f"add {letter} after the text")
+    help_text = "write an ordinary blank" if letter.isspace() else "remove it"
+    return SlipError(f"{shown(letter)} is not part of a condition", position, position + 1, help_text)

@@ -1,0 +1,213 @@
+"""Parse the text of a rule: tokens -> tree, with the engine's variables and terms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from codra_dsl.language.fuzzy.model import And, Antecedent, Or, Proposition, Rule
+from codra_dsl.language.fuzzy.source import Findings, Word, number, shown, split
+from codra_dsl.language.fuzzy.words import KEYWORDS, Hedge
+
+MAX_DEPTH = 40
+"""The maximum nesting depth of an antecedent; consecutive `and` and `or` count as nesting."""
+
+MAX_LEVELS = 100
+"""The maximum nesting depth of operators and hedges together; Python allows at most 200 nested parentheses."""
+
+_TOKEN = r"[()]|[^\s()]+"
+_HEDGES = frozenset(Hedge)
+
+Names = Mapping[str, frozenset[str]]
+"""The terms of each variable."""
+
+
+class _Wrong(Exception):  # noqa: N818 - it never leaves this module
+    """The rest of a rule cannot be read; the finding has been added."""
+
+
+class Side(Enum):
+    """The two sides of `then`."""
+
+    ANTECEDENT = auto()
+    CONSEQUENT = auto()
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Reads the tokens of a rule from left to right."""
+
+    tokens: list[Word]
+    end: Word
+    all_terms: Names
+    outputs: Names
+    findings: Findings
+    at: int = 0
+    depth: int = 0
+
+    def peek(self) -> str:
+        """Return the next token, or an empty text at the end."""
+        return self.tokens[self.at].text if self.at < len(self.tokens) else ""
+
+    def take(self) -> Word:
+        """Return the next token and advance."""
+        if self.at == len(self.tokens):
+            self.fail("the rule ends too early", self.end, "write 'if VARIABLE is TERM then VARIABLE is TERM'")
+        self.at += 1
+        return self.tokens[self.at - 1]
+
+    def fail(self, message: str, word: Word, help: str) -> None:
+        """Report a finding and stop reading the rule."""
+        self.findings.add("fll-wrong-rule", message, word.place, help)
+        raise _Wrong
+
+    def expect(self, keyword: str) -> Word:
+        """Take a keyword."""
+        word = self.take()
+        if word.text != keyword:
+            self.fail(f"expected '{keyword}', found {shown(word.text)}", word, f"write '{keyword}' before it")
+        return word
+
+    def either(self) -> Antecedent:
+        """Read operands joined by `or`."""
+        left, depth = self.both(), 0
+        while self.peek() == "or":
+            word, depth = self.take(), depth + 1
+            self.limit(depth, word)
+            left = Or(left, self.both())
+        return left
+
+    def both(self) -> Antecedent:
+        """Read operands joined by `and`."""
+        left, depth = self.atom(), 0
+        while self.peek() == "and":
+            word, depth = self.take(), depth + 1
+            self.limit(depth, word)
+            left = And(left, self.atom())
+        return left
+
+    def condition(self) -> Antecedent:
+        """Read the antecedent between `if` and `then`."""
+        first = self.expect("if")
+        antecedent = self.either()
+        self.expect("then")
+        self.limit_levels(_levels(antecedent), first)
+        return antecedent
+
+    def limit_levels(self, levels: int, word: Word) -> None:
+        """Refuse operators and hedges that would be nested too deep in Python."""
+        if levels > MAX_LEVELS:
+            message = f"more than {MAX_LEVELS} nested operators and hedges"
+            self.findings.add("fll-too-large", message, word.place, "split the rule")
+            raise _Wrong
+
+    def limit(self, depth: int, word: Word) -> None:
+        """Refuse too deep nesting."""
+        if self.depth + depth > MAX_DEPTH:
+            self.findings.add("fll-too-large", f"nested deeper than {MAX_DEPTH}", word.place, "split the rule")
+            raise _Wrong
+
+    def atom(self) -> Antecedent:
+        """Read a proposition, or anything in parentheses."""
+        if self.peek() != "(":
+            return self.proposition(Side.ANTECEDENT)
+        self.depth += 1
+        self.limit(0, self.take())
+        inside = self.either()
+        self.expect(")")
+        self.depth -= 1
+        return inside
+
+    def proposition(self, side: Side) -> Proposition:
+        """Read `variable is hedges term`."""
+        variable = self.take()
+        variables = self.all_terms if side is Side.ANTECEDENT else self.outputs
+        if variable.text in KEYWORDS or variable.text in "()":
+            self.fail(f"expected a variable, found {shown(variable.text)}", variable, "write a variable before it")
+        if variable.text not in variables:
+            noun = "variable" if side is Side.ANTECEDENT else "output"
+            self.findings.unknown("fll-unknown-name", noun, variable, variables)
+        self.expect("is")
+        return self.described(variable.text, variables.get(variable.text), side)
+
+    def described(self, variable: str, terms: frozenset[str] | None, side: Side) -> Proposition:
+        """Read the description of a variable: `hedges term`."""
+        hedges: list[Hedge] = []
+        while self.peek() in _HEDGES:
+            word = self.take()
+            hedges.append(Hedge(word.text))
+            self.limit_levels(len(hedges), word)
+            if side is Side.ANTECEDENT and hedges[-1] is Hedge.ANY:
+                return Proposition(variable=variable, hedges=tuple(hedges))
+        term = self.take()
+        if term.text in KEYWORDS or term.text in "()":
+            self.fail(f"expected a term, found {shown(term.text)}", term, "write a term before it")
+        if terms is not None and term.text not in terms:
+            self.findings.unknown("fll-unknown-name", f"term of '{variable}'", term, terms | _HEDGES)
+        return Proposition(variable=variable, term=term.text, hedges=tuple(hedges))
+
+    def conclusions(self) -> tuple[Proposition, ...]:
+        """Read the conclusions after `then`."""
+        conclusions = [self.proposition(Side.CONSEQUENT)]
+        while self.peek() == "and":
+            self.take()
+            conclusions.append(self.proposition(Side.CONSEQUENT))
+        return tuple(conclusions)
+
+    def weight(self) -> float:
+        """Read an optional `with` and a number, up to the end."""
+        weight = 1.0
+        if self.peek() == "with":
+            self.take()
+            word = self.take()
+            value = number(word, self.findings)
+            if value is not None and not 0.0 <= value < float("inf"):
+                help = "write a weight of 0 or more"
+                self.findings.add("fll-wrong-value", f"{shown(word.text)} is not a weight", word.place, help)
+            weight = value or 0.0
+        if self.peek():
+            word = self.take()
+            self.fail(f"unexpected {shown(word.text)}", word, "end the rule before it")
+        return weight
+
+
+def _levels(antecedent: Antecedent) -> int:
+    """Return the maximum nesting depth of operators and hedges."""
+    deepest, left = 0, [(antecedent, 0)]
+    while left:
+        part, level = left.pop()
+        if isinstance(part, Proposition):
+            deepest = max(deepest, level + len(part.hedges))
+        else:
+            left += [(part.left, level + 1), (part.right, level + 1)]
+    return deepest
+
+
+def parse_rule(text: Word, all_terms: Names, outputs: Names, findings: Findings) -> Rule | None:
+    """Return a rule, or None if it cannot be read; unknown names are reported and kept."""
+    reader = _Reader(list(split(text, _TOKEN)), text, all_terms, outputs, findings)
+    try:
+        antecedent = reader.condition()
+        return Rule(antecedent=antecedent, conclusions=reader.conclusions(), weight=reader.weight())
+    except _Wrong:
+        return None
+
+
+def parse_rule_about(
+    text: Word, all_terms: Names, output: str, terms: frozenset[str], findings: Findings
+) -> Rule | None:
+    """Return a rule about one output, `if ANTECEDENT then HEDGES TERM`; `output is` is allowed before the conclusion.
+
+    Return None if it cannot be read. Unknown names are reported and kept.
+    """
+    reader = _Reader(list(split(text, _TOKEN)), text, all_terms, {output: terms}, findings)
+    try:
+        antecedent = reader.condition()
+        if reader.peek() == output:
+            reader.take()
+            reader.expect("is")
+        conclusion = reader.described(output, terms, Side.CONSEQUENT)
+        return Rule(antecedent=antecedent, conclusions=(conclusion,), weight=reader.weight())
+    except _Wrong:
+        return None

@@ -1,0 +1,152 @@
+"""Formulas of `Function` terms: text -> tree, with FuzzyLite's precedences."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from codra_dsl.language.fuzzy.model import Call, Formula, Name, Number
+from codra_dsl.language.fuzzy.source import Findings, Word, shown, split
+
+MAX_TOKENS = 500
+"""The maximum number of words, numbers and signs in a formula."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """The binding of an operator: a higher precedence binds tighter."""
+
+    operands: int
+    precedence: int
+    is_from_right: bool = False
+
+
+OPERATORS: Mapping[str, Operator] = MappingProxyType(
+    {
+        "!": Operator(1, 100, is_from_right=True),
+        "~": Operator(1, 100, is_from_right=True),
+        "^": Operator(2, 90, is_from_right=True),
+        "**": Operator(2, 90, is_from_right=True),
+        ".-": Operator(1, 90, is_from_right=True),
+        ".+": Operator(1, 90, is_from_right=True),
+        "*": Operator(2, 80),
+        "/": Operator(2, 80),
+        "%": Operator(2, 80),
+        "+": Operator(2, 70),
+        "-": Operator(2, 70),
+        "and": Operator(2, 60),
+        "or": Operator(2, 50),
+    }
+)
+"""The operators of formulas; a minus before a number is `~` or `.-`."""
+
+_ONE = "acos asin atan ceil cos cosh exp abs fabs floor log log10 round sin sinh sqrt tan tanh log1p acosh asinh atanh"
+_TWO = "gt ge eq neq le lt min max pow atan2 fmod"
+FUNCTIONS: Mapping[str, int] = MappingProxyType(
+    {"pi": 0} | dict.fromkeys(_ONE.split(), 1) | dict.fromkeys(_TWO.split(), 2)
+)
+"""The functions of formulas, with their numbers of operands."""
+
+_TOKEN = r"\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?|\*\*|\.-|\.\+|[!~^*/%+\-(),]|\w+|\S"
+MAX_DEPTH = 40
+"""The maximum nesting depth of a formula."""
+
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf", re.ASCII)
+_TIGHTEST = 100
+
+
+def parse_formula(word: Word, findings: Findings) -> Formula | None:
+    """Return the tree of a formula, or None after a finding."""
+    tokens = list(split(word, _TOKEN))
+    if len(tokens) > MAX_TOKENS:
+        findings.add("fll-too-large", f"a formula of more than {MAX_TOKENS} parts", word.place, "split it")
+        return None
+    postfix = _postfix(tokens, findings)
+    return None if postfix is None else _tree(word, postfix, findings)
+
+
+def _postfix(tokens: list[Word], findings: Findings) -> list[Word] | None:
+    """Return the tokens in postfix order (Dijkstra's shunting yard)."""
+    done: list[Word] = []
+    waiting: list[Word] = []
+    for token in tokens:
+        if token.text in FUNCTIONS or token.text == "(":
+            waiting.append(token)
+        elif token.text in OPERATORS:
+            while waiting and _goes_first(waiting[-1].text, OPERATORS[token.text]):
+                done.append(waiting.pop())
+            waiting.append(token)
+        elif token.text in (",", ")"):
+            if not _close(token, done, waiting):
+                _unmatched(token, findings)
+                return None
+        else:
+            done.append(token)
+    opened = next((token for token in waiting if token.text == "("), None)
+    if opened:
+        _unmatched(opened, findings)
+        return None
+    return [*done, *reversed(waiting)]
+
+
+def _goes_first(top: str, operator: Operator) -> bool:
+    if top == "(":
+        return False
+    precedence = OPERATORS[top].precedence if top in OPERATORS else _TIGHTEST
+    return precedence > operator.precedence or (precedence == operator.precedence and not operator.is_from_right)
+
+
+def _close(token: Word, done: list[Word], waiting: list[Word]) -> bool:
+    while waiting and waiting[-1].text != "(":
+        done.append(waiting.pop())
+    if not waiting:
+        return False
+    if token.text == ")":
+        waiting.pop()
+        if waiting and waiting[-1].text in FUNCTIONS:
+            done.append(waiting.pop())
+    return True
+
+
+def _unmatched(token: Word, findings: Findings) -> None:
+    findings.add("fll-wrong-formula", f"{shown(token.text)} is unmatched", token.place, "match each parenthesis")
+
+
+def _tree(word: Word, postfix: list[Word], findings: Findings) -> Formula | None:
+    stack: list[tuple[Formula, int]] = []
+    for token in postfix:
+        count = FUNCTIONS.get(token.text) if token.text in FUNCTIONS else None
+        if token.text in OPERATORS:
+            count = OPERATORS[token.text].operands
+        if count is None:
+            leaf = _leaf(token, findings)
+            if leaf is None:
+                return None
+            stack.append((leaf, 1))
+            continue
+        if count > len(stack):
+            help = f"it takes {count} operands; a minus before a number is '~' or '.-'"
+            findings.add("fll-wrong-formula", f"{shown(token.text)} lacks operands", token.place, help)
+            return None
+        operands = stack[len(stack) - count :]
+        depth = 1 + max((below for _, below in operands), default=0)
+        if depth > MAX_DEPTH:
+            findings.add("fll-too-large", f"a formula nested deeper than {MAX_DEPTH}", word.place, "split it")
+            return None
+        stack[len(stack) - count :] = [(Call(token.text, tuple(operand for operand, _ in operands)), depth)]
+    if len(stack) != 1:
+        findings.add("fll-wrong-formula", "this is not one formula", word.place, "join its parts by operators")
+        return None
+    return stack[0][0]
+
+
+def _leaf(token: Word, findings: Findings) -> Formula | None:
+    if _NUMBER.fullmatch(token.text):
+        return Number(float(token.text))
+    if token.text.isidentifier():
+        return Name(token.text)
+    help = "write a number, x, or a variable of the engine"
+    findings.add("fll-wrong-formula", f"{shown(token.text)} is not an operand", token.place, help)
+    return None

@@ -1,0 +1,46 @@
+"""The names in an engine's module."""
+
+from __future__ import annotations
+
+import builtins
+import keyword
+
+_OF_MODULES = frozenset(
+    {
+        "activations",
+        "bounded_activations",
+        "bounded_formulas",
+        "bounded_outputs",
+        "bounds",
+        "defuzzifiers",
+        "formulas",
+        "hedges",
+        "norms",
+        "outputs",
+        "terms",
+    }
+)
+_OF_OURS = frozenset({"infer", "infer_bounds", "previous", "x", "y", "Bounds", "BoundedInference", "Inference"})
+_TAKEN = _OF_MODULES | _OF_OURS | {"INPUTS", "OUTPUTS", "RANGES", "RULES", "annotations", "math"}
+
+
+class Names:
+    """Assigns unique Python names, as close to the names in the engine as possible."""
+
+    def __init__(self, taken: frozenset[str] = frozenset()) -> None:
+        self._taken = set(_TAKEN | taken | set(keyword.kwlist) | set(dir(builtins)))
+
+    def claim(self, wanted: str) -> str:
+        """Return an unused name; characters that ASCII identifiers cannot contain are spelt out."""
+        name = "".join(
+            letter if f"_{letter}".isidentifier() and letter.isascii() else f"u{ord(letter):x}" for letter in wanted
+        )
+        while name in self._taken:
+            name += "_"
+        self._taken.add(name)
+        return name
+
+    @property
+    def taken(self) -> frozenset[str]:
+        """All names in use."""
+        return frozenset(self._taken)

@@ -1,0 +1,149 @@
+"""The support and the core of a term: enough to determine which rules can act, without computing degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+from codra_dsl.language.fuzzy.model import Term
+from codra_dsl.language.fuzzy.words import Shape
+
+Interval = tuple[float, float]
+_ALL: Interval = (-math.inf, math.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """The support and the core of a term.
+
+    Attributes:
+        open: open intervals in which its degree is above 0.
+        full: closed intervals in which its degree is 1; they also belong to the support.
+        peak: closed intervals in which its degree is largest, if that is below 1.
+    """
+
+    open: tuple[Interval, ...] = ()
+    full: tuple[Interval, ...] = ()
+    peak: tuple[Interval, ...] = ()
+
+    def holds(self, x: float) -> bool:
+        """Return whether the degree of a number is above 0."""
+        inside = any(low < x < high for low, high in self.open)
+        return inside or any(low <= x <= high for low, high in (*self.full, *self.peak))
+
+    def is_full_at(self, x: float) -> bool:
+        """Return whether the degree of a number is 1."""
+        return any(low <= x <= high for low, high in self.full)
+
+    @property
+    def ends(self) -> tuple[float, ...]:
+        """Return the numbers between which neither support nor core changes."""
+        numbers = {end for interval in (*self.open, *self.full, *self.peak) for end in interval}
+        return tuple(sorted(end for end in numbers if math.isfinite(end)))
+
+
+def extent(term: Term) -> Extent:
+    """Return the extent of a term."""
+    if term.height <= 0.0:
+        return Extent()
+    unscaled = _points(term.parameters) if term.shape is Shape.Discrete else _EXTENTS[term.shape](*term.parameters)
+    return unscaled if term.height == 1.0 else Extent(open=unscaled.open, peak=unscaled.full)
+
+
+def _slope(start: float, end: float) -> Extent:
+    if start == end:
+        return Extent()
+    rises = start < end
+    return Extent(
+        open=((start, math.inf) if rises else (-math.inf, start),),
+        full=((end, math.inf) if rises else (-math.inf, end),),
+    )
+
+
+def _falling_slope(start: float, end: float) -> Extent:
+    return Extent(open=((-math.inf, end),), full=((-math.inf, start),))
+
+
+def _hyperbola(inflection: float, end: float) -> Extent:
+    return Extent(open=(_ALL,), full=((end, math.inf) if inflection <= end else (-math.inf, end),))
+
+
+def _everywhere(*_: float) -> Extent:
+    return Extent(open=(_ALL,))
+
+
+def _bell(center: float, *_: float) -> Extent:
+    return Extent(open=(_ALL,), full=((center, center),))
+
+
+def _two_bells(mean_a: float, _: float, mean_b: float, __: float) -> Extent:
+    return Extent(open=(_ALL,), full=((mean_a, mean_b),) if mean_a <= mean_b else ())
+
+
+def _wave(center: float, width: float) -> Extent:
+    half = abs(width) / 2.0
+    return Extent(open=((center - half, center + half),), full=((center, center),))
+
+
+def _triangle(left: float, top: float, right: float) -> Extent:
+    return Extent(open=((left, right),), full=((top, top),))
+
+
+def _trapezoid(bottom_left: float, top_left: float, top_right: float, bottom_right: float) -> Extent:
+    return Extent(open=((bottom_left, bottom_right),), full=((top_left, top_right),))
+
+
+def _rectangle(start: float, end: float) -> Extent:
+    return Extent(full=((min(start, end), max(start, end)),))
+
+
+def _half_ellipse(start: float, end: float) -> Extent:
+    return Extent(open=((min(start, end), max(start, end)),), full=(((start + end) / 2.0, (start + end) / 2.0),))
+
+
+def _edge(start: float, direction: float) -> Extent:
+    return Extent(full=((start, math.inf) if direction > start else (-math.inf, start),))
+
+
+def _constant(value: float) -> Extent:
+    return Extent(open=(_ALL,) if value > 0.0 else (), full=(_ALL,) if value >= 1.0 else ())
+
+
+def _points(points: tuple[float, ...]) -> Extent:
+    corners = [(-math.inf, points[1]), *zip(points[::2], points[1::2], strict=True), (math.inf, points[-1])]
+    pieces = list(pairwise(corners))
+    return Extent(
+        open=tuple((low, high) for (low, one), (high, other) in pieces if max(one, other) > 0.0),
+        full=(
+            *((low, high) for (low, one), (high, other) in pieces if min(one, other) >= 1.0),
+            *((x, x) for x, y in corners if y >= 1.0),
+        ),
+        peak=tuple((x, x) for x, y in corners if y > 0.0),
+    )
+
+
+_EXTENTS: Mapping[Shape, Callable[..., Extent]] = {
+    Shape.Arc: _slope,
+    Shape.Bell: _bell,
+    Shape.Binary: _edge,
+    Shape.Concave: _hyperbola,
+    Shape.Constant: _constant,
+    Shape.Cosine: _wave,
+    Shape.Gaussian: _bell,
+    Shape.GaussianProduct: _two_bells,
+    Shape.Linear: _everywhere,
+    Shape.PiShape: _trapezoid,
+    Shape.Ramp: _slope,
+    Shape.Rectangle: _rectangle,
+    Shape.SemiEllipse: _half_ellipse,
+    Shape.Sigmoid: _everywhere,
+    Shape.SigmoidDifference: _everywhere,
+    Shape.SigmoidProduct: _everywhere,
+    Shape.Spike: _bell,
+    Shape.SShape: _slope,
+    Shape.Trapezoid: _trapezoid,
+    Shape.Triangle: _triangle,
+    Shape.ZShape: _falling_slope,
+}

@@ -1,0 +1,130 @@
+"""Dependency graphs over names: closure, strongly connected components, and shortest cycles as paths.
+
+A graph is a mapping from each name to the names that it needs, in order. Every result depends only on the names and on
+that order, never on hashes. The functions do not depend on what the names refer to, and they do not recurse: a chain
+may be as long as memory allows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+Needs = Mapping[str, Sequence[str]]
+
+MAX_VISITS = 200_000
+"""The number of edges after which `shortest_cycle` returns the shortest cycle found so far."""
+SHORTEST = 2
+"""The smallest possible length of a cycle of several names."""
+
+
+def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
+    """Return the names that `start` reaches, itself included, depth first in the order of `start` and `needs`."""
+    reached: dict[str, None] = {}
+    open_names = list(start)[::-1]
+    while open_names:
+        name = open_names.pop()
+        if name not in reached:
+            reached[name] = None
+            open_names.extend(reversed(needs.get(name, ())))
+    return tuple(reached)
+
+
+def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
+    """Return the groups of names that need each other, each group sorted, ordered by their first name.
+
+    Names that are on no cycle are left out. A name that needs only itself is a component of its own.
+    """
+    if not needs:
+        return ()
+    import networkx as nx  # noqa: PLC0415  slow to import; a spec without feedback never needs it
+
+    graph = _directed(needs)
+    components = (sorted(names) for names in nx.strongly_connected_components(graph))
+    return tuple(sorted(tuple(names) for names in components if len(names) > 1 or graph.has_edge(names[0], names[0])))
+
+
+def shortest_cycle(needs: Needs) -> tuple[str, ...]:
+    """Return a shortest cycle as a path whose last name needs its first, or () if there is no cycle.
+
+    Among cycles of the same length, the one reached first from the least name is returned. The path begins with its
+    least name. On graphs with very many cycles the search is bounded by MAX_VISITS.
+    """
+    itself = min((name for name, wanted in needs.items() if name in wanted), default=None)
+    if itself is not None:
+        return (itself,)
+    graph = _directed(needs)
+    budget = MAX_VISITS
+    best: tuple[str, ...] = ()
+    waiting = _cyclic_parts(graph)
+    while waiting and budget > 0 and len(best) != SHORTEST:
+        part = waiting.pop(0)
+        start = min(part)
+        path, visits = _cycle_through(start, part, shorter_than=len(best))
+        best = path or best
+        budget -= visits + part.number_of_edges()
+        part.remove_node(start)  # the shortest cycle through it is known
+        waiting.extend(_cyclic_parts(part))
+    return _from_least(best)
+
+
+def cycle_through(needs: Needs, name: str) -> tuple[str, ...]:
+    """Return a shortest cycle through a name as a path that begins with it, or () if there is no cycle."""
+    if name not in closure(needs, needs.get(name, ())):
+        return ()
+    return _cycle_through(name, _directed(needs), shorter_than=0)[0]
+
+
+def _directed(needs: Needs) -> nx.DiGraph[str]:
+    """Return the graph with an edge from each name to each name that it needs."""
+    import networkx as nx  # noqa: PLC0415
+
+    graph: nx.DiGraph[str] = nx.DiGraph()
+    graph.add_nodes_from(needs)
+    graph.add_edges_from((name, need) for name, wanted in needs.items() for need in wanted)
+    return graph
+
+
+def _cyclic_parts(graph: nx.DiGraph[str]) -> list[nx.DiGraph[str]]:
+    """Return copies of the parts of `graph` that contain a cycle of several names, ordered by least name."""
+    import networkx as nx  # noqa: PLC0415
+
+    cyclic = (names for names in nx.strongly_connected_components(graph) if len(names) > 1)
+    return [graph.subgraph(names).copy() for names in sorted(cyclic, key=min)]
+
+
+def _cycle_through(start: str, graph: nx.DiGraph[str], *, shorter_than: int) -> tuple[tuple[str, ...], int]:
+    """Return a shortest cycle through `start` (below the length `shorter_than`, 0 = any) and the edges visited."""
+    came_from: dict[str, str] = {}
+    layer, length, visits = [start], 1, 0
+    while layer and (shorter_than == 0 or length < shorter_than):
+        following: list[str] = []
+        for name in layer:
+            for need in sorted(graph.successors(name)):
+                visits += 1
+                if need == start:
+                    return tuple(_path_back(name, start, came_from))[::-1], visits
+                if need not in came_from:
+                    came_from[need] = name
+                    following.append(need)
+        layer, length = following, length + 1
+    return (), visits
+
+
+def _path_back(name: str, start: str, came_from: Mapping[str, str]) -> Iterator[str]:
+    """Yield the names from `name` back to `start`."""
+    while name != start:
+        yield name
+        name = came_from[name]
+    yield start
+
+
+def _from_least(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a cyclic path, rotated so that it begins with its least name."""
+    if not path:
+        return ()
+    least = path.index(min(path))
+    return path[least:] + path[:least]

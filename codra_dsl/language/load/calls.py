@@ -1,0 +1,206 @@
+"""Check that the function in `call` exists and takes its arguments. Modules of the project are read, never imported.
+
+The runtime calls a perception function with keyword arguments only: the arguments under `with`, the handle of each
+resource that it reads, the values of `given` variables, and `job`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from codra_dsl.language.diagnostics import Place, Related, replacing
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.modules import Missing, Module, Modules, Signature
+from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.model import Access, Algorithm
+
+JOB = "job"
+"""The argument that every perception function gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """The names that algorithms may use, and their keys that could not be read."""
+
+    resources: frozenset[str]
+    context: frozenset[str]
+    damaged_keys: Mapping[tuple[str, str], frozenset[str]]
+
+    def gives_all(self, algorithm: Algorithm) -> bool:
+        """Return whether all arguments of an algorithm's function are known."""
+        damaged = self.damaged_keys.get(("perception", algorithm.name), frozenset())
+        if not damaged.isdisjoint({"with", "uses", "given"}):
+            return False
+        used = {usage.resource.name for usage in algorithm.uses}
+        return used <= self.resources and {reference.name for reference in algorithm.given} <= self.context
+
+
+def check_calls(algorithms: Iterable[Algorithm], declared: Declared, root: Path, findings: Findings) -> tuple[str, ...]:
+    """Report calls of missing functions, and arguments that a function does not take or lacks.
+
+    Returns:
+        The files, relative to `root`, on which the result depends.
+    """
+    checker = _Checker(root, findings)
+    by_call: dict[str, list[Algorithm]] = {}
+    for algorithm in algorithms:
+        if "call" not in declared.damaged_keys.get(("perception", algorithm.name), ()):
+            by_call.setdefault(algorithm.call, []).append(algorithm)
+    for call, callers in by_call.items():
+        signature = checker.signature(call, callers)
+        for caller in callers if signature is not None else ():
+            if signature is not None and declared.gives_all(caller):
+                checker.arguments(caller, signature)
+    checker.report_modules()
+    return tuple(checker.modules.consulted)
+
+
+class _Checker:
+    """Compares calls with the modules of a project."""
+
+    def __init__(self, root: Path, findings: Findings) -> None:
+        self.modules = Modules(root)
+        self._findings = findings
+        self._without_module: dict[str, tuple[str, list[Algorithm]]] = {}
+
+    def signature(self, call: str, callers: list[Algorithm]) -> Signature | None:
+        """Return the signature of the function of a call, or None if it is unknown or the function is missing."""
+        name, _, function = call.partition(":")
+        module = self.modules.find(name)
+        if isinstance(module, Missing):
+            suggestion = self._suggestion(name, function, module)
+            if suggestion is not None or module.at > 0:
+                known = self._without_module.setdefault(name, (suggestion or "", []))
+                known[1].extend(callers)
+            return None
+        if module is None:
+            return None
+        if function not in module.names:
+            if not module.is_open:
+                self._report_function(call, callers, module)
+            return None
+        signature = module.names[function]
+        if signature is not None and signature.is_unfit:
+            self._report_class(call, callers)
+            return None
+        return signature
+
+    def report_modules(self) -> None:
+        """Report each missing module once."""
+        for name, (suggestion, callers) in self._without_module.items():
+            first, *others = callers
+            message = f"module {shown(name)}, which algorithm '{first.name}' calls, is not in this project"
+            help_text = (
+                f"did you mean '{suggestion}'?"
+                if suggestion
+                else "create it, or name the module that contains the function"
+            )
+            self._report(
+                first, message, help_text, suggestion and f"{suggestion}:{first.call.partition(':')[2]}", others
+            )
+
+    def _report_function(self, call: str, callers: list[Algorithm], module: Module) -> None:
+        name, _, function = call.partition(":")
+        near = self._findings.nearest(function, module.names)
+        has = f"it has {listed(module.functions)}" if module.functions else "it has none"
+        help_text = f"did you mean '{near}'?" if near else has
+        first, *others = callers
+        message = f"module {shown(name)} has no function {shown(function)}, but algorithm '{first.name}' calls it"
+        self._report(first, message, help_text, near and f"{name}:{near}", others)
+
+    def _report_class(self, call: str, callers: list[Algorithm]) -> None:
+        name, _, function = call.partition(":")
+        first, *others = callers
+        message = (
+            f"class {shown(function)} of module {shown(name)}, which algorithm '{first.name}' calls, has no 'perceive'"
+        )
+        self._report(first, message, "add a method 'perceive', or name a function", None, others)
+
+    def _report(
+        self, first: Algorithm, message: str, help_text: str, replacement: str | None, others: Iterable[Algorithm]
+    ) -> None:
+        place = _place(first, "call")
+        related = [Related(f"also in algorithm '{algorithm.name}'", _place(algorithm, "call")) for algorithm in others]
+        fix = replacing(place, first.call, replacement, safe=False) if replacement else None
+        path = f"perception.{first.name}.call"
+        self._findings.add("call-not-found", message, place, help=help_text, path=path, related=related, fix=fix)
+
+    def _suggestion(self, name: str, function: str, missing: Missing) -> str | None:
+        """Return the module that is probably meant by an unknown name: preferably one that has the function."""
+        steps = name.split(".")
+        wrong, before, after = steps[missing.at], steps[: missing.at], steps[missing.at + 1 :]
+        there = self.modules.near(missing.folder)
+        nearest_name = self._findings.nearest(wrong, there)
+        split = [[start, wrong[len(start) :]] for start in there if wrong.startswith(start) and len(start) < len(wrong)]
+        for middle in (*([[nearest_name]] if nearest_name else []), *split):
+            dotted = ".".join((*before, *middle, *after))
+            module = self.modules.find(dotted)
+            if isinstance(module, Module) and (function in module.names or module.is_open):
+                return dotted
+        return ".".join((*before, nearest_name, *after)) if nearest_name and missing.at > 0 else None
+
+    def arguments(self, algorithm: Algorithm, signature: Signature) -> None:
+        """Report the passed arguments that a function does not take, and the required ones that are not passed."""
+        given = _given(algorithm)
+        missing = [name for name in signature.needed if name not in given or name not in signature.accepted]
+        untaken = [name for name in given if name not in signature.accepted and not signature.takes_any]
+        untaken = [name for name in untaken if name not in missing]  # positional-only arguments are reported as missing
+        only = missing[0] if len(untaken) == len(missing) == 1 and untaken != [JOB] else None
+        others: list[str] = []
+        for name in untaken:
+            near = None if name == JOB else self._findings.nearest(name, missing)
+            missing = [argument for argument in missing if argument not in (near, only)]
+            if near is not None:
+                self._report_untaken(algorithm, [name], f"did you mean '{near}'?", near)
+            elif only is not None:
+                self._report_untaken(algorithm, [name], f"did you mean '{only}', which is missing?")
+            elif name == JOB:
+                self._report_untaken(algorithm, [name], "add it: every perception function gets 'job'")
+            else:
+                others.append(name)
+        if others:
+            taken = sorted(signature.accepted)
+            self._report_untaken(algorithm, others, f"it takes {listed(taken)}" if taken else "it takes none")
+        for name in missing:
+            self._report_missing(algorithm, name)
+
+    def _report_untaken(self, algorithm: Algorithm, names: list[str], help_text: str, near: str | None = None) -> None:
+        call, place = shown(algorithm.call), _place_of(algorithm, names[0])
+        noun, them = ("argument", "it") if len(names) == 1 else ("arguments", "them")
+        message = (
+            f"function {call} does not take the {noun} {listed(names)}, but algorithm '{algorithm.name}' gives {them}"
+        )
+        fix = replacing(place, names[0], near, safe=False) if near is not None else None
+        path = f"perception.{algorithm.name}.call"
+        self._findings.add("call-arguments", message, place, help=help_text, path=path, fix=fix)
+
+    def _report_missing(self, algorithm: Algorithm, name: str) -> None:
+        call = shown(algorithm.call)
+        message = f"function {call} needs an argument {shown(name)}, but algorithm '{algorithm.name}' does not give it"
+        help_text = "give it under 'with', 'uses' or 'given', or give it a default value"
+        if name in _given(algorithm):
+            help_text = "make it a keyword argument: arguments are passed by name only"
+        path = f"perception.{algorithm.name}.call"
+        self._findings.add("call-arguments", message, _place(algorithm, "call"), help=help_text, path=path)
+
+
+def _place(algorithm: Algorithm, key: str) -> Place:
+    return algorithm.places.get(key) or algorithm.places.get("call", algorithm.place)
+
+
+def _given(algorithm: Algorithm) -> list[str]:
+    """Return the names of the arguments that a function gets."""
+    names = [name for name, _ in algorithm.parameters]
+    names += [usage.resource.name for usage in algorithm.uses if usage.access is Access.READ]
+    names += [reference.name for reference in algorithm.given]
+    return [*names, JOB]
+
+
+def _place_of(algorithm: Algorithm, argument: str) -> Place:
+    """Return the place at which an algorithm gives an argument."""
+    references = [usage.resource for usage in algorithm.uses] + list(algorithm.given)
+    places = [reference.place for reference in references if reference.name == argument]
+    is_literal = any(name == argument for name, _ in algorithm.parameters)
+    return _place(algorithm, f"with.{argument}") if is_literal or not places else places[0]

@@ -1,0 +1,115 @@
+"""The context-variables that loops imply: one for each metric, each weight and each course.
+
+They can be read like any context-variable, with history, journal and `why`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from codra_dsl.language.diagnostics import Related
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.model import (
+    ADAPTER,
+    ANALYST,
+    Adaptation,
+    Agent,
+    Course,
+    Kind,
+    Output,
+    Reference,
+    Spec,
+    ValueType,
+    Variable,
+    weight_name,
+)
+
+_SHARE = ValueType(kind=Kind.FLOAT, range=(0.0, 1.0))
+
+
+def with_derived(spec: Spec, findings: Findings) -> Spec:
+    """Return a spec with the context-variables and agents that its loops imply.
+
+    A declared context-variable with such a name is reported and kept; the implied one is left out.
+    """
+    if not spec.adapts:
+        return spec
+    stated = tuple(_with_source(variable) for variable in spec.context)
+    taken = {variable.name.casefold(): variable for variable in stated}
+    origins = dict(spec.origins)
+    derived: list[Variable] = []
+    for section, variable in _derived(spec):
+        other = taken.setdefault(variable.name.casefold(), variable)
+        if other is variable:
+            derived.append(variable)
+            origins["context", variable.name] = spec.origins[section, _element(section, variable.name)]
+        else:
+            _report(section, variable, other, findings)
+    context = (*stated, *derived)
+    named = {source.name for variable in context if variable.is_derived or variable.rate for source in variable.sources}
+    sources = {source.name for variable in context for source in variable.sources}
+    named |= {ADAPTER} & sources if spec.adaptation or spec.damaged.get("adaptation") else set()
+    agents = {agent.name for agent in spec.agents} | spec.damaged.get("agents", frozenset())
+    writers = [Agent(name=name, place=spec.place) for name in (ANALYST, ADAPTER) if name in named - agents]
+    origins |= {("agents", writer.name): next(iter(spec.origins.values())) for writer in writers}
+    return replace(spec, context=context, agents=(*spec.agents, *writers), origins=origins)
+
+
+def _with_source(variable: Variable) -> Variable:
+    """Return a rate with the analyst as its source, unless it states another."""
+    if variable.rate is None or variable.sources:
+        return variable
+    return replace(variable, sources=(Reference(name=ANALYST, place=variable.rate.of.place),))
+
+
+def _derived(spec: Spec) -> Iterator[tuple[str, Variable]]:
+    yield from (("metrics", _output_variable(metric, metric.name)) for metric in spec.metrics)
+    yield from (("actions", _output_variable(action, weight_name(action.name))) for action in spec.actions)
+    yield from (
+        ("adaptation", _course_variable(adaptation, adaptation.does))
+        for adaptation in spec.adaptation
+        if isinstance(adaptation.does, Course)
+    )
+
+
+def _output_variable(output: Output, name: str) -> Variable:
+    is_metric = name == output.name
+    label = output.label or name if is_metric else f"Weight of {output.label}" if output.label else name
+    return Variable(
+        name=name,
+        type=_SHARE,
+        place=output.place,
+        label=label,
+        description=output.description,
+        sources=(Reference(name=ANALYST, place=output.place),),
+        terms=output.terms,
+        is_derived=True,
+    )
+
+
+def _course_variable(adaptation: Adaptation, course: Course) -> Variable:
+    members = tuple(dict.fromkeys(reference.name for reference in (*course.choose, course.otherwise) if reference.name))
+    return Variable(
+        name=adaptation.name,
+        type=ValueType(kind=Kind.ENUM, values=members or ("none",)),
+        place=adaptation.place,
+        label=adaptation.label or adaptation.name,
+        sources=(Reference(name=ADAPTER, place=adaptation.place),),
+        is_derived=True,
+    )
+
+
+def _element(section: str, variable: str) -> str:
+    return variable.removeprefix(weight_name("")) if section == "actions" else variable
+
+
+def _report(section: str, variable: Variable, other: Variable, findings: Findings) -> None:
+    name = _element(section, variable.name)
+    noun = {"metrics": "metric", "actions": "action", "adaptation": "adaptation"}[section]
+    message = f"{noun} {shown(name)} implies a context-variable {shown(variable.name)}, which is already declared"
+    related = [Related("declared here", other.place)]
+    findings.add(
+        "duplicate-name", message, variable.place, help="rename one of them", path=f"{section}.{name}", related=related
+    )

@@ -1,0 +1,146 @@
+"""Find specs and parts at or below some paths."""
+
+from __future__ import annotations
+
+import codecs
+import re
+import stat
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from codra_dsl.language.diagnostics import Diagnostic, Place, Span
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.document import KEYS
+from codra_dsl.language.load.yaml.compose import Parser
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.rules import RULES
+from codra_dsl.language.load.yaml.source import MAX_BYTES, file_place
+from codra_dsl.language.project import yaml_files
+
+_MAY_HAVE_NAME = re.compile(rb"\bname[\"']?[ \t]*:")
+_VERSION = re.compile(rb"^codra[ \t]*:", re.MULTILINE)
+_OURS = frozenset({"codra", "templates", "use", *KEYS})
+_WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+@dataclass(frozen=True, slots=True)
+class Files:
+    """The specs and parts at and below some paths.
+
+    Attributes:
+        specs: sorted, without duplicates.
+        parts: each with the place of its key `codra`.
+        diagnostics: folders that cannot be read, and paths without a spec.
+    """
+
+    specs: tuple[Path, ...] = ()
+    parts: Mapping[Path, Place] = field(default_factory=dict)
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+    def unincluded(self, included: Iterable[str], root: Path) -> Iterator[Diagnostic]:
+        """Yield a finding for each part that is not in `included`, the files of all specs relative to the root."""
+        files = {(root / file).resolve() for file in included}
+        for part, place in self.parts.items():
+            if part not in files:
+                yield Diagnostic(
+                    rule=RULES["unincluded-part"],
+                    message=f"no spec includes {shown(place.span.file)}, so it is neither checked nor compiled",
+                    place=place,
+                    help="add a 'name' to make it a spec, name it under 'include' of a spec, or remove it",
+                )
+
+
+def find_files(paths: Sequence[Path], root: Path) -> Files:
+    """Return the specs and parts at or below paths.
+
+    A file given as a path is always treated as a spec, so that `load_spec` reports its mistakes. Below a folder, specs
+    are the YAML files of this language with a `name`; hidden folders and links to folders are not entered.
+    """
+    findings = Findings()
+    specs: dict[Path, Path] = {}
+    parts: dict[Path, Place] = {}
+    for path in paths:
+        below = list(_below(path, root, parts, findings)) if path.is_dir() else [path]
+        for file in below:
+            specs.setdefault(file.resolve(), file)
+    for file in specs.keys() & parts.keys():
+        del parts[file]
+    return Files(tuple(sorted(specs.values(), key=lambda file: file.as_posix())), parts, findings.all())
+
+
+def _below(folder: Path, root: Path, parts: dict[Path, Place], findings: Findings) -> Iterator[Path]:
+    """Yield the specs below a folder, and add its parts to `parts`."""
+    name, has_results = _shown(folder, root), False
+    for file in yaml_files(folder):
+        if file.is_dir():
+            place = file_place(_shown(file, root))
+            message = f"cannot read the folder {shown(place.span.file)}"
+            findings.add("cannot-read", message, place, help="check its permissions")
+            has_results = True
+        elif _is_spec(data := _beginning(file)):
+            has_results = True
+            yield file
+        elif data and (version := _VERSION.search(data)):
+            line = data.count(b"\n", 0, version.start()) + 1
+            parts[file.resolve()] = Place(Span(_shown(file, root), line, 1, line, len("codra") + 1))
+    if not has_results:
+        help_text = "a spec is a YAML file with 'codra: 1' and 'name: ...'"
+        findings.add("no-spec", f"there is no spec in {shown(name)} or below", file_place(name), help=help_text)
+
+
+def _shown(path: Path, root: Path) -> str:
+    """Return a path relative to the project's folder, if it is inside."""
+    try:
+        return path.absolute().relative_to(root.absolute()).as_posix()
+    except ValueError:
+        return path.as_posix()
+
+
+def _beginning(file: Path) -> bytes | None:
+    """Return a file's content in UTF-8; empty for a pipe or device, and None if it cannot be read."""
+    try:
+        if not stat.S_ISREG(file.stat().st_mode):
+            return b""
+        with file.open("rb") as stream:
+            data = stream.read(MAX_BYTES)
+    except OSError:
+        return None
+    return data.decode("utf-16", "replace").encode() if data.startswith(_WIDE_MARKS) else data
+
+
+def _is_spec(data: bytes | None) -> bool:
+    """Return whether to read a file as a spec: it has a `name` and is of this language, or that is unknown."""
+    if data is None:
+        return True
+    if not _MAY_HAVE_NAME.search(data):
+        return False
+    keys = set()
+    try:
+        for key in _top_keys(data.decode("utf-8", "replace")):
+            keys.add(key)
+            if "name" in keys and keys & _OURS:
+                return True
+    except yaml.YAMLError:
+        return bool(keys & _OURS) or not keys
+    return False
+
+
+def _top_keys(text: str) -> Iterator[str]:
+    """Yield the keys of a document's outermost mapping."""
+    depth, is_key = 0, True
+    parser = Parser(text)
+    try:
+        while (event := parser.get_event()) is not None:
+            if isinstance(event, yaml.CollectionStartEvent):
+                depth += 1
+            elif isinstance(event, yaml.CollectionEndEvent):
+                depth -= 1
+            if depth == 1 and isinstance(event, (yaml.ScalarEvent, yaml.AliasEvent, yaml.CollectionEndEvent)):
+                if is_key and isinstance(event, yaml.ScalarEvent):
+                    yield event.value
+                is_key = not is_key
+    finally:
+        parser.dispose()

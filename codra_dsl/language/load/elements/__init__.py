@@ -1,0 +1,1 @@
+"""Nodes to the frozen values of `codra_dsl.language.model`."""

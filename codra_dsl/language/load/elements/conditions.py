@@ -1,0 +1,168 @@
+"""Conditions: parsed, with the position of every letter; and the traps that show only as syntax errors."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+
+from codra_dsl.language.expression import Node, SyntaxProblem, names_in, parse, parse_over_context
+from codra_dsl.language.load.yaml.fixes import trap_fix
+from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.reader import Reader, Suspect
+from codra_dsl.language.load.yaml.source_offsets import cut, letters_of
+from codra_dsl.language.load.yaml.traps import Openings, cut_off_by_comment, torn_at_comma
+from codra_dsl.language.model import Condition
+from codra_dsl.language.model import Letters as PlacedLetters
+
+MAX_PIECES = 50
+"""The maximum number of pieces that are joined to a condition again."""
+
+MAX_REMEMBERED = 200
+"""The maximum length of a condition, in code points, whose tree is cached."""
+
+_MAY_OPEN = re.compile(r"[(\"']")
+_JOINING = re.compile(r"^(?:and|or)\s")
+_COMMENT = re.compile(r"[ \t]+#([^\r\n]*)")
+
+
+Grammar = Callable[[str], Node | SyntaxProblem]
+"""Parses a condition."""
+
+
+def read_conditions(reader: Reader, key: str, *, grammar: Grammar = parse) -> tuple[Condition, ...]:
+    """Return the conditions in a list."""
+    items = untorn_items(reader, key)
+    return tuple(read_condition(reader, item, key, str(index), grammar=grammar) for index, item in items)
+
+
+def untorn_items(reader: Reader, key: str) -> Iterator[tuple[int, YamlNode]]:
+    """Yield index and node of the items in a list, except conditions split at their commas, which are reported."""
+    node = reader.node.value(key)
+    skip_until = 0
+    for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
+        if index < skip_until or not isinstance(node, SequenceNode):
+            continue
+        torn_until = _torn_until(node, index)
+        if torn_until is None:
+            yield index, item
+            continue
+        skip_until = torn_until
+        end = node.items[torn_until - 1].end
+        trap = torn_at_comma(reader.origin.source.text[item.start : end])
+        place = reader.origin.place(item.start, end)
+        reader.fail(trap.rule, trap.message, place, trap.help, key, str(index), fix=trap_fix(trap, place))
+
+
+def read_condition(reader: Reader, node: YamlNode, *steps: str, grammar: Grammar = parse) -> Condition:
+    """Return one condition; on a syntax error, report it and set the tree to None."""
+    condition = parsed(reader, node, *condition_text(reader, node), steps, grammar=_REMEMBERING[grammar])
+    if condition.tree is not None:
+        _note_comment(reader, node, condition, steps)
+    elif not node.reported:
+        report_syntax(reader, node, condition, steps, grammar=grammar)
+    return condition
+
+
+def condition_text(reader: Reader, node: YamlNode) -> tuple[str, Letters]:
+    """Return the text of a scalar on one line without surrounding blanks, and the positions of its letters."""
+    if not isinstance(node, ScalarNode):
+        return "", ()
+    letters = letters_of(node, reader.origin.source.text)
+    text = node.text
+    if node.style is Style.PLAIN and node.filled is None:
+        return text, letters
+    stripped = text.strip()
+    before = len(text) - len(text.lstrip())
+    return stripped.replace("\n", " "), cut(letters, before, before + len(stripped), 0) if before else letters
+
+
+def parsed(
+    reader: Reader,
+    node: YamlNode,
+    text: str,
+    letters: Letters,
+    steps: tuple[str, ...],
+    *,
+    grammar: Grammar | None = None,
+) -> Condition:
+    """Return a condition; its tree is None on a syntax error, or if the node has already been reported.
+
+    `grammar` parses it, if it is not a plain condition.
+    """
+    place = reader.origin.of(node)
+    tree = None if node.reported else (grammar or _tree)(text)
+    if not isinstance(tree, Node):
+        reader.damage(*steps)
+    placed = PlacedLetters(reader.place_of, letters) if letters else None
+    return Condition(text=text, tree=tree if isinstance(tree, Node) else None, place=place, letters=placed)
+
+
+def _tree(text: str) -> Node | SyntaxProblem:
+    """Return the tree of a condition; those of short conditions are cached because many are equal."""
+    return _remembered(text) if len(text) <= MAX_REMEMBERED else parse(text)
+
+
+_remembered = lru_cache(maxsize=4096)(parse)
+_remembered_over_context = lru_cache(maxsize=4096)(parse_over_context)
+
+
+def _tree_over_context(text: str) -> Node | SyntaxProblem:
+    return _remembered_over_context(text) if len(text) <= MAX_REMEMBERED else parse_over_context(text)
+
+
+_REMEMBERING: Mapping[Grammar, Grammar] = {parse: _tree, parse_over_context: _tree_over_context}
+
+
+def _torn_until(sequence: SequenceNode, index: int) -> int | None:
+    """Return the index after the pieces into which commas split an item, or None if it is complete."""
+    first = sequence.items[index]
+    if not sequence.flow or not isinstance(first, ScalarNode) or first.style is not Style.PLAIN:
+        return None
+    if not _MAY_OPEN.search(first.text):
+        return None
+    openings = Openings(first.text)
+    if not openings.are_left:
+        return None
+    for after, piece in enumerate(sequence.items[index + 1 : index + MAX_PIECES], start=index + 2):
+        if not isinstance(piece, ScalarNode):
+            return None
+        openings.read(f", {piece.text}")
+        if not openings.are_left:
+            return after
+    return None
+
+
+def report_syntax(
+    reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...], *, grammar: Grammar = parse
+) -> None:
+    """Report the syntax error of a condition."""
+    problem, path = grammar(condition.text), reader.part(*steps)
+    comment = _comment_after(reader, node)
+    if comment is not None:
+        trap = cut_off_by_comment(f"{condition.text} #{comment.rstrip()}")
+        line = reader.origin.place(node.start, reader.origin.source.line_end(node.end))
+        fix = trap_fix(trap, line)
+        reader.findings.add(trap.rule, trap.message, condition.place, help=trap.help, path=path, fix=fix)
+    elif isinstance(problem, SyntaxProblem):
+        place = condition.place_between(problem.start, problem.end)
+        reader.findings.add("condition-syntax", problem.message, place, help=problem.help, path=path)
+
+
+def _note_comment(reader: Reader, node: YamlNode, condition: Condition, steps: tuple[str, ...]) -> None:
+    comment = _comment_after(reader, node)
+    tree = parse(_JOINING.sub("", comment.strip())) if comment is not None else None
+    names = frozenset(name.name for name in names_in(tree)) if isinstance(tree, Node) else frozenset()
+    if comment is not None and names:
+        written = f"{condition.text} #{comment.rstrip()}"
+        reader.suspects.append(Suspect(condition.place, written, names, reader.part(*steps)))
+
+
+def _comment_after(reader: Reader, node: YamlNode) -> str | None:
+    """Return the comment that follows a plain scalar on its line."""
+    text = reader.origin.source.text
+    plain = isinstance(node, ScalarNode) and node.style is Style.PLAIN
+    if not plain or text[node.end : node.end + 1] not in (" ", "\t"):
+        return None
+    comment = _COMMENT.match(text, node.end)
+    return None if comment is None else comment[1]

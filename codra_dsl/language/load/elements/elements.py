@@ -1,0 +1,162 @@
+"""Collect and build the elements of a spec from its files and uses, each name once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from codra_dsl.language.diagnostics import Related
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.elements.build import (
+    build_algorithm,
+    build_observer,
+    build_resource,
+    build_skill,
+    build_variable,
+)
+from codra_dsl.language.load.elements.knowledge import (
+    as_mapping,
+    build_agent,
+    build_edge,
+    build_node,
+    build_node_type,
+    build_task,
+)
+from codra_dsl.language.load.elements.loops import build_action, build_adaptation, build_loop, build_metric, build_tree
+from codra_dsl.language.load.schema.document import SECTIONS
+from codra_dsl.language.load.schema.schema import keys_of, sound
+from codra_dsl.language.load.schema.shape import explain
+from codra_dsl.language.load.templates.templates import DEFINITIONS
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.names import check_name
+from codra_dsl.language.load.yaml.nodes import MappingNode, YamlNode
+from codra_dsl.language.load.yaml.origin import NOUNS, Origin, Subject
+from codra_dsl.language.load.yaml.reader import Reader, Suspect
+from codra_dsl.language.model import Algorithm
+
+_BUILDERS: Mapping[str, Callable[[Reader], Any]] = {
+    "context": build_variable,
+    "perception": build_algorithm,
+    "skills": build_skill,
+    "observers": build_observer,
+    "resources": build_resource,
+    "agents": build_agent,
+    "types": build_node_type,
+    "nodes": build_node,
+    "edges": build_edge,
+    "tasks": build_task,
+    "metrics": build_metric,
+    "actions": build_action,
+    "adaptation": build_adaptation,
+    "trees": build_tree,
+    "loops": build_loop,
+}
+
+_NONE: Mapping[str, frozenset[str]] = {}
+
+
+class Elements:
+    """The elements of one spec.
+
+    Attributes:
+        built: by section and name, in the order of files and uses, as far as they could be read.
+        damaged: the names by section of elements that could not be read completely, whether built or not.
+        damaged_keys: for built elements, by section and name, the keys that could not be read.
+        origins: the module of each element, by section and name.
+    """
+
+    def __init__(self, findings: Findings) -> None:
+        self.built: dict[str, dict[str, Any]] = {section: {} for section in SECTIONS}
+        self.damaged: dict[str, set[str]] = {section: set() for section in SECTIONS}
+        self.damaged_keys: dict[tuple[str, str], frozenset[str]] = {}
+        self.origins: dict[tuple[str, str], str] = {}
+        self._findings = findings
+        self._taken: dict[str, dict[str, Subject]] = {section: {} for section in SECTIONS}
+        self._suspects: list[tuple[Suspect, frozenset[str]]] = []
+
+    def add(
+        self, section: str, elements: YamlNode | None, origin: Origin, wrong: Mapping[str, frozenset[str]] = _NONE
+    ) -> None:
+        """Add the elements of a section; `wrong` has names, as written, of reported elements and their wrong keys."""
+        if not isinstance(elements, MappingNode):
+            return
+        all_sound = not wrong and sound(section, elements.data)
+        for key, node in elements.entries.values():
+            subject = Subject(section, key, origin)
+            is_new = self._is_new(subject)
+            damaged = wrong.get(key.written, frozenset())
+            if not all_sound and key.written not in wrong:
+                damaged = self._explained(subject, node)
+            if isinstance(node, MappingNode) and node.unread:
+                damaged |= keys_of(DEFINITIONS[section]) - node.entries.keys()
+            element = None
+            if section == "nodes":
+                node = as_mapping(key, node)  # noqa: PLW2901  a name alone is the type
+            if isinstance(node, MappingNode):  # duplicates are read for their other mistakes
+                reader = Reader(subject, node, self._findings, damaged)
+                element = _BUILDERS[section](reader)
+            if element is None or not is_new:
+                self.lose(section, key.text)
+            else:
+                self._keep(reader, element)
+
+    def lose(self, section: str, name: str) -> None:
+        """Record an element that is not built; if its name is taken, the other one counts as unreadable as well."""
+        self.damaged[section].add(name)
+        if name in self.built[section]:
+            self.damaged_keys[section, name] = keys_of(DEFINITIONS[section])
+
+    def _keep(self, reader: Reader, element: object) -> None:
+        section, name = reader.subject.section, reader.subject.name
+        self.built[section][name] = element
+        self.origins[section, name] = reader.origin.module
+        if reader.damaged:
+            self.damaged[section].add(name)
+            self.damaged_keys[section, name] = frozenset(reader.damaged)
+        if reader.suspects:
+            self._suspect(reader, element)
+
+    def report_comments(self) -> None:
+        """Report comments after conditions whose names could be part of the condition."""
+        context = self.built["context"].keys()
+        for suspect, returned in self._suspects:
+            if all(name in context or name in returned for name in suspect.names):
+                message = f"the text after ' #' in {shown(suspect.written)} is a comment, but it reads like a condition"
+                help_text = "quote all of it if it belongs to the condition; else put the comment on a line of its own"
+                self._findings.add("condition-in-comment", message, suspect.place, help=help_text, path=suspect.path)
+
+    def _is_new(self, subject: Subject) -> bool:
+        """Report an invalid or duplicate name; return whether the name is new."""
+        if not check_name(subject.key, subject, subject, self._findings):
+            return False
+        first = self._taken[subject.section].setdefault(subject.name.casefold(), subject)
+        if first is subject:
+            return True
+        report_taken(subject, first, self._findings)
+        return False
+
+    def _explained(self, subject: Subject, node: YamlNode) -> frozenset[str]:
+        """Report mistakes in the shape of an element; return the keys that are damaged by them."""
+        definition = DEFINITIONS[subject.section]
+        return frozenset() if sound(definition, node.data) else explain(definition, node, subject, self._findings)
+
+    def _suspect(self, reader: Reader, element: object) -> None:
+        returned = element.returns if isinstance(element, Algorithm) else ()
+        names = frozenset(value.name for value in returned)
+        self._suspects.extend((suspect, names) for suspect in reader.suspects)
+
+
+def report_taken(subject: Subject, first: Subject, findings: Findings) -> None:
+    """Report a name that another element of the same kind already has."""
+    place, other = subject.origin.of(subject.key), first.origin.of(first.key)
+    noun = NOUNS[subject.section]
+    related = [Related("first declared here", other)]
+    if place.span == other.span:
+        message = f"two uses create the {noun} {shown(subject.name)}"
+        help_text = "put $(instance) into its name, or declare it outside the template"
+    elif subject.name == first.name:
+        message, help_text = f"the {noun} {shown(subject.name)} is declared twice", "rename or remove one of them"
+    else:
+        message = f"the {noun}s {shown(first.name)} and {shown(subject.name)} differ only in case"
+        help_text = "rename one of them"
+    findings.add("duplicate-name", message, place, help=help_text, path=subject.path, related=related)

@@ -1,0 +1,317 @@
+"""Elements of MAPE-K loops: nodes -> values of the model. Unreadable keys have their default."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from typing import TypeVar
+
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.expression import parse_over_context
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.fuzzy.model import Term
+from codra_dsl.language.fuzzy.words import Defuzzification, Shape, SNorm, TNorm
+from codra_dsl.language.load.elements.conditions import condition_text, read_condition
+from codra_dsl.language.load.yaml.names import check_name
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, YamlNode
+from codra_dsl.language.load.yaml.reader import Reader, entries
+from codra_dsl.language.model import (
+    Adaptation,
+    Condition,
+    Course,
+    FuzzyTerm,
+    HardRule,
+    Inference,
+    LeafTasks,
+    Letters,
+    Loop,
+    Method,
+    Output,
+    Parameter,
+    Phrase,
+    Rate,
+    Reference,
+    Repeat,
+    TreeElement,
+    Worse,
+)
+
+Word = TypeVar("Word", TNorm, SNorm, Defuzzification)
+
+
+def snake_case(word: str) -> str:
+    """Return a word of FuzzyLite in the spelling of specs."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", word).lower()
+
+
+SHAPES = {
+    "s_shape" if shape is Shape.SShape else "z_shape" if shape is Shape.ZShape else snake_case(shape.name): shape
+    for shape in Shape
+    if shape is not Shape.Linear
+}
+"""The shapes of terms by their names in specs; coefficients of inputs exist only in FLL."""
+
+
+def read_rate(reader: Reader) -> Rate | None:
+    """Return the rate that a context-variable declares, or None."""
+    if "rate_of" not in reader.node.entries:
+        return None
+    counts = reader.scalar("counts")
+    return Rate(
+        of=_read_reference(reader, "rate_of"),
+        over_s=reader.duration_s("over", 0.0),
+        is_falling=counts is not None and counts.text == "falling",
+    )
+
+
+def build_metric(reader: Reader) -> Output:
+    """Return a metric."""
+    return _build_output(reader)
+
+
+def build_action(reader: Reader) -> Output:
+    """Return an action."""
+    return _build_output(reader)
+
+
+def _build_output(reader: Reader) -> Output:
+    return Output(
+        name=reader.subject.name,
+        place=reader.place,
+        label=reader.text("label", ""),
+        description=reader.text("description", ""),
+        worse=reader.choice("worse", Worse.LOW),
+        rules=tuple(_read_phrases(reader, "rules")),
+        terms=read_terms(reader),
+        method=Method(
+            inference=reader.choice("inference", Inference.MAMDANI),
+            conjunction=_read_word(reader, "conjunction", TNorm.MINIMUM),
+            disjunction=_read_word(reader, "disjunction", SNorm.MAXIMUM),
+            implication=_read_word(reader, "implication", TNorm.MINIMUM),
+            aggregation=_read_word(reader, "aggregation", SNorm.MAXIMUM),
+            defuzzifier=_read_word(reader, "defuzzifier", Defuzzification.CENTROID)
+            if "defuzzifier" in reader.node.entries
+            else None,
+        ),
+        places=reader.places(),
+    )
+
+
+def build_adaptation(reader: Reader) -> Adaptation:
+    """Return an adaptation: one with `set` sets a variable, any other chooses an action."""
+    does = _read_parameter(reader) if "set" in reader.node.entries else _read_course(reader)
+    return Adaptation(
+        name=reader.subject.name,
+        place=reader.place,
+        does=does,
+        label=reader.text("label", ""),
+        dwell_s=reader.duration_s("dwell", 0.0, least="zero"),
+        places=reader.places(),
+    )
+
+
+def build_tree(reader: Reader) -> TreeElement:
+    """Return a behaviour tree."""
+    return TreeElement(
+        name=reader.subject.name,
+        place=reader.place,
+        file=_read_reference(reader, "file"),
+        label=reader.text("label", ""),
+        agent=_read_reference(reader, "agent") if "agent" in reader.node.entries else None,
+        course=tuple(_read_branches(reader)),
+        leaves=tuple(_read_leaves(reader)),
+        period_s=reader.duration_s("period", 0.1),
+        repeat=reader.choice("repeat", Repeat.ALWAYS),
+        places=reader.places(),
+    )
+
+
+def build_loop(reader: Reader) -> Loop:
+    """Return a loop."""
+    return Loop(
+        name=reader.subject.name,
+        place=reader.place,
+        label=reader.text("label", ""),
+        monitor=reader.references("monitor"),
+        analyse=reader.references("analyse"),
+        adapt=reader.references("adapt"),
+        execute=reader.references("execute"),
+        period_s=reader.duration_s("period", 1.0),
+        places=reader.places(),
+    )
+
+
+def read_terms(reader: Reader) -> tuple[FuzzyTerm, ...]:
+    """Return the words for values of a variable, a metric or a weight."""
+    return tuple(_read_terms(reader))
+
+
+def _read_terms(reader: Reader) -> Iterator[FuzzyTerm]:
+    for key, node in entries(reader.node.value("terms")):
+        is_valid = check_name(key, "a term", reader.subject, reader.findings, "terms")
+        if not is_valid or node.reported or not isinstance(node, ScalarNode):
+            reader.damage("terms")
+            continue
+        term = _read_term(reader, key.text, node)
+        if term is not None:
+            yield FuzzyTerm(term=term, text=node.text, place=reader.origin.of(node))
+
+
+def _read_term(reader: Reader, name: str, node: ScalarNode) -> Term | None:
+    word, *texts = node.text.split() or [""]
+    shape = SHAPES.get(word)
+    if shape is None:
+        near = suggest(word, SHAPES)
+        help_text = f"did you mean '{near}'?" if near else f"shapes are {', '.join(SHAPES)}"
+        _report(reader, name, node, f"{shown(word)} is not a shape of a term", help_text)
+        return None
+    numbers = [_number(text) for text in texts]
+    if None in numbers:
+        _report(reader, name, node, f"{shown(node.text)} is not a shape with its numbers", _form_of(word, shape))
+        return None
+    values = tuple(number for number in numbers if number is not None)
+    wanted = len(shape.value.names)
+    if shape is Shape.Discrete:
+        is_valid = len(values) >= 4 and len(values) % 2 == 0
+        height = 1.0
+    else:
+        has_height = shape.value.has_height and len(values) == wanted + 1
+        is_valid, height = len(values) == wanted or has_height, values[-1] if has_height else 1.0
+        values = values[:wanted]
+    if not is_valid or not all(map(math.isfinite, (*values, height))):
+        _report(reader, name, node, f"{shown(node.text)} does not have the numbers of its shape", _form_of(word, shape))
+        return None
+    fault, hint = _fault(shape, values)
+    if fault:
+        _report(reader, name, node, f"{shown(node.text)} {fault}", f"{_form_of(word, shape)}{hint}")
+        return None
+    return Term(name=name, shape=shape, parameters=values, height=height)
+
+
+def _fault(shape: Shape, values: tuple[float, ...]) -> tuple[str, str]:
+    """Return why the right number of numbers is not a valid shape, and a hint; FuzzyLite would give 0 or NaN."""
+    in_order = values[::2] if shape is Shape.Discrete else values if shape in _ORDERED else ()
+    if any(one > other for one, other in pairwise(in_order)):
+        return "has its numbers out of order", " from left to right"
+    for name, value in zip(shape.value.names, values, strict=False):
+        if name.startswith(("width", "standard_deviation")) and value <= 0.0:
+            return "has no width", f", {name.upper()} above 0"
+    if shape is Shape.Ramp and values[0] == values[1]:
+        return "begins where it ends", "; a step is 'binary START DIRECTION'"
+    return "", ""
+
+
+_ORDERED = {Shape.Triangle, Shape.Trapezoid, Shape.PiShape, Shape.SShape, Shape.ZShape}
+"""The shapes whose corners must be in order from left to right."""
+
+
+def _report(reader: Reader, name: str, node: ScalarNode, message: str, help_text: str) -> None:
+    reader.fail("fuzzy-term", message, node, help_text, "terms", name)
+
+
+def _form_of(word: str, shape: Shape) -> str:
+    names = " ".join(name.upper() for name in shape.value.names) or "X1 Y1 X2 Y2 ..."
+    return f"write '{word} {names}' with numbers"
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text) if re.fullmatch(r"[+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?", text) else None
+    except ValueError:
+        return None
+
+
+def _read_word(reader: Reader, key: str, default: Word) -> Word:
+    """Return a word of FuzzyLite, which specs spell in lower case."""
+    node = reader.scalar(key)
+    words: dict[str, Word] = {snake_case(word.value): word for word in type(default)}
+    return words.get(node.text, default) if node is not None else default
+
+
+def _read_phrases(reader: Reader, key: str) -> Iterator[Phrase]:
+    node = reader.node.value(key)
+    for item in node.items if isinstance(node, SequenceNode) else ():
+        if item.reported or not isinstance(item, ScalarNode) or not isinstance(item.data, str):
+            reader.damage(key)
+            continue
+        text, letters = condition_text(reader, item)
+        placed = Letters(reader.place_of, letters) if letters else None
+        yield Phrase(text=text, place=reader.origin.of(item), letters=placed)
+
+
+def _read_course(reader: Reader) -> Course:
+    return Course(
+        choose=reader.references("choose"),
+        within=_read_reference(reader, "in"),
+        otherwise=_read_reference(reader, "otherwise"),
+        smooth_s=reader.duration_s("smooth", 0.0, least="zero"),
+        lead=_read_lead(reader),
+        hold_s=reader.duration_s("hold", 0.0, least="zero"),
+        cooldown_s=reader.duration_s("cooldown", 0.0, least="zero"),
+        abort_s=reader.duration_s("abort", 2.0),
+        always=tuple(_read_hard_rules(reader)),
+    )
+
+
+def _read_lead(reader: Reader) -> float:
+    node = reader.scalar("lead")
+    number = node.data if node is not None else None
+    return float(number) if isinstance(number, int | float) and not isinstance(number, bool) else 0.0
+
+
+def _read_hard_rules(reader: Reader) -> Iterator[HardRule]:
+    node = reader.node.value("always")
+    for index, item in enumerate(node.items if isinstance(node, SequenceNode) else ()):
+        if item.reported or not isinstance(item, MappingNode):
+            reader.damage("always")
+            continue
+        inner = reader.inner(item, "always", str(index))
+        condition = item.value("if")
+        if condition is None or inner.scalar("then") is None:
+            reader.damage("always")
+            continue
+        parsed = read_condition(inner, condition, "if", grammar=parse_over_context)
+        yield HardRule(condition=parsed, action=_read_reference(inner, "then"))
+
+
+def _read_parameter(reader: Reader) -> Parameter:
+    node = reader.node.value("value")
+    empty = Condition(text="", tree=None, place=reader.place)
+    value = empty if node is None else read_condition(reader, node, "value", grammar=parse_over_context)
+    return Parameter(variable=_read_reference(reader, "set"), value=value)
+
+
+def _read_branches(reader: Reader) -> Iterator[tuple[Reference, Reference]]:
+    for key, node in entries(reader.node.value("course")):
+        if _is_text(node) and not key.reported:
+            yield reader.reference(key), Reference(name=_text(node), place=reader.origin.of(node))
+        else:
+            reader.damage("course")
+
+
+def _read_leaves(reader: Reader) -> Iterator[LeafTasks]:
+    for key, node in entries(reader.node.value("leaves")):
+        items: Iterable[YamlNode] = node.items if isinstance(node, SequenceNode) else ()
+        if key.reported or node.reported or not isinstance(node, SequenceNode) or not all(map(_is_text, items)):
+            reader.damage("leaves")
+            continue
+        tasks = tuple(Reference(name=_text(item), place=reader.origin.of(item)) for item in items)
+        yield LeafTasks(leaf=reader.reference(key), tasks=tasks)
+
+
+def _is_text(node: YamlNode) -> bool:
+    return isinstance(node, ScalarNode) and not node.reported and isinstance(node.data, str)
+
+
+def _text(node: YamlNode) -> str:
+    return node.text if isinstance(node, ScalarNode) else ""
+
+
+def _read_reference(reader: Reader, key: str) -> Reference:
+    node = reader.scalar(key)
+    if node is None or not isinstance(node.data, str):
+        reader.damage(key)
+        return Reference(name="", place=reader.place)
+    return reader.reference(node)

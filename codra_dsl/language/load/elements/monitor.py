@@ -1,0 +1,141 @@
+"""The expectations of a skill while it acts: `NAME`, `NAME becomes VALUE within D`, `NAME stays VALUE`."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.expression import Compare, Name
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.elements.conditions import condition_text, parsed, report_syntax
+from codra_dsl.language.load.yaml.nodes import ScalarNode
+from codra_dsl.language.load.yaml.reader import Reader
+from codra_dsl.language.load.yaml.source_offsets import cut
+from codra_dsl.language.model import Condition, Expectation, Expected, Letters, Reference
+from codra_dsl.language.units import duration_help, parse_duration
+
+_WORDS = re.compile(r"(?P<name>\S+)(?:\s+(?P<verb>\S+)(?:\s+(?P<rest>.*))?)?", re.DOTALL)
+_WITHIN = re.compile(r"\s*(?<!\S)within(?:\s+(?P<duration>[^\"']*))?$")
+_OTHER_TIME = re.compile(r"\s+(?P<word>in|for|after|for at least|at most)\s+(?P<duration>[0-9][^\"']*)$")
+_COMPARED = re.compile(r"<=|>=|==|!=|<|>")
+_OTHER_VERBS = {"is": "stays", "remains": "stays", "keeps": "stays", "gets": "becomes", "turns": "becomes"}
+
+
+def read_expectation(reader: Reader, node: ScalarNode, index: int) -> Expectation | None:
+    """Return an entry of `monitor`; report it and return None if it does not have the right form."""
+    return _Entry(reader, node, index).expectation()
+
+
+class _Entry:
+    """One entry of `monitor`: its text on one line, with the positions of its letters."""
+
+    def __init__(self, reader: Reader, node: ScalarNode, index: int) -> None:
+        self._reader = reader
+        self._node = node
+        self._steps = ("monitor", str(index))
+        self._text, self._runs = condition_text(reader, node)
+        self._letters = Letters(reader.origin.place, self._runs)
+
+    def expectation(self) -> Expectation | None:
+        """Return the expectation, or None if the entry is invalid."""
+        words = _WORDS.fullmatch(self._text)
+        if self._node.reported or words is None:
+            self._reader.damage("monitor")
+            return None
+        variable = Reference(name=words["name"], place=self._place(*words.span("name")))
+        place = self._reader.origin.of(self._node)
+        if words["verb"] is None:
+            return Expectation(variable=variable, expected=Expected.WATCHED, place=place)
+        if words["verb"] not in ("becomes", "stays"):
+            self._no_verb(words)
+            return None
+        expected = Expected(words["verb"])
+        start, end = words.span("rest") if words["rest"] else (len(self._text), len(self._text))
+        within = _WITHIN.search(self._text, start)
+        if expected is Expected.STAYS:
+            within = within or _OTHER_TIME.search(self._text, start)
+        within_s = self._within(expected, within)
+        if within is None and expected is Expected.BECOMES:
+            return None
+        condition = self._condition(variable, start, end if within is None else within.start())
+        if condition is None or (within_s is None and expected is Expected.BECOMES):
+            return None
+        return Expectation(variable=variable, expected=expected, condition=condition, within_s=within_s, place=place)
+
+    def _place(self, start: int, end: int) -> Place:
+        return self._letters.place(start, end) or self._reader.origin.of(self._node)
+
+    def _fail(self, message: str, help_text: str, start: int, end: int, rule: str = "monitor") -> None:
+        self._reader.fail(rule, message, self._place(start, end), help_text, *self._steps)
+
+    def _no_verb(self, words: re.Match[str]) -> None:
+        verb = words["verb"]
+        near = _OTHER_VERBS.get(verb.casefold()) or self._reader.findings.nearest(verb, ("becomes", "stays"))
+        if _COMPARED.match(verb):
+            near = f"stays {verb}"
+        help_text = (
+            f"did you mean '{near}'?" if near else "write NAME, NAME becomes VALUE within D, or NAME stays VALUE"
+        )
+        self._fail(f"{shown(verb)} is not an expectation", help_text, *words.span("verb"))
+
+    def _within(self, expected: Expected, within: re.Match[str] | None) -> float | None:
+        """Return the time limit for a variable to become a value; report a missing or misplaced limit."""
+        if expected is Expected.STAYS:
+            if within is not None:
+                self._no_time(within)
+            return None
+        if within is None:
+            self._no_within()
+            return None
+        text = within["duration"] or ""
+        duration = parse_duration(text)
+        if duration is None or not 0 < duration < math.inf:
+            help_text = duration_help(text) if duration is None else "give a time above 0 s"
+            message = f"'within' takes a duration, not {shown(text)}" if text else "'within' takes a duration"
+            self._fail(message, help_text, *_trimmed(within), rule="duration")
+            return None
+        return duration
+
+    def _no_time(self, within: re.Match[str]) -> None:
+        """Report a time limit after `stays`."""
+        word = shown(within["word"] if within.re is _OTHER_TIME else "within")
+        self._fail(
+            f"'stays' does not take {word}", "remove it: 'stays' applies as long as the skill acts", *_trimmed(within)
+        )
+
+    def _no_within(self) -> None:
+        """Report a missing time limit after `becomes`."""
+        other = _OTHER_TIME.search(self._text)
+        if other is not None:
+            help_text = f"write 'within' instead of {shown(other['word'])}"
+        elif any(self._reader.findings.nearest(word, ["within"]) for word in self._text.split()[2:]):
+            help_text = "did you mean 'within'?"
+        else:
+            help_text = f"add how long it may take: {self._text} within 5 s"
+        self._fail("'becomes' needs a 'within'", help_text, 0, len(self._text))
+
+    def _condition(self, variable: Reference, start: int, end: int) -> Condition | None:
+        """Return the expected condition over the variable."""
+        value = self._text[start:end].strip()
+        if not value:
+            self._fail(
+                "the expected value is missing", "write true, false, a number, a quoted text or a comparison", 0, end
+            )
+            return None
+        head = f"{variable.name} " if _COMPARED.match(value) else f"{variable.name} == "
+        runs = (*cut(self._runs, 0, len(variable.name), 0), *cut(self._runs, start, end, len(head)))
+        condition = parsed(self._reader, self._node, head + value, runs, self._steps)
+        tree = condition.tree
+        if tree is None:
+            report_syntax(self._reader, self._node, condition, self._steps)
+            return None
+        if not isinstance(tree, Compare) or len(tree.rest) != 1 or not isinstance(tree.first, Name):
+            self._fail(f"{shown(value)} is not one value", "write one value or one comparison", start, end)
+            return None
+        return condition
+
+
+def _trimmed(match: re.Match[str]) -> tuple[int, int]:
+    text = match[0]
+    return match.start() + len(text) - len(text.lstrip()), match.end()

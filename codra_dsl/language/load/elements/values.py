@@ -1,0 +1,117 @@
+"""Types, ranges and literals with units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode, visible_range
+from codra_dsl.language.load.yaml.reader import Reader
+from codra_dsl.language.model import Kind, Literal, Places, ValueType
+from codra_dsl.language.units import Unit, convert, parse_quantity, parse_unit, units_help
+
+_KINDS = {kind.value: kind for kind in Kind}
+_TYPE_KEYS = ("type", "unit", "range", "values")
+_RANGE_HELP = "write numbers in the unit under 'unit', or numbers with a unit of the same kind"
+_LIKE_QUANTITY = re.compile(r"-?[0-9][0-9.eE+-]*[ \t]+([A-Za-z%°][A-Za-z0-9*/^%°]*)")
+
+
+def read_type(reader: Reader, node: MappingNode, *steps: str) -> ValueType:
+    """Return the type of a mapping with `type`, `unit`, `range` and `values`, as far as it can be read."""
+    present = {key: entry for key, entry in node.entries.items() if key in _TYPE_KEYS}
+    written = node.value("type")
+    kind = _KINDS.get(written.text) if isinstance(written, ScalarNode) else None
+    unit = _read_unit(reader, present["unit"], *steps) if "unit" in present else None
+    range_read = _read_range(reader, present["range"], unit, *steps) if "range" in present else None
+    if kind is None:
+        reader.damage(*steps, "type")
+    if node.unread:
+        reader.damage(*steps)
+    for key, (_, value) in present.items():
+        if value.reported or (isinstance(value, SequenceNode) and any(item.reported for item in value.items)):
+            reader.damage(*steps, key)
+    ranges = {key: visible_range(*entry) for key, entry in present.items()}
+    if "values" in present:
+        ranges.update((f"values.{item.text}", (item.start, item.end)) for item in _members(present["values"]))
+    return ValueType(
+        kind=Kind.BOOL if kind is None else kind,
+        unit=None if unit is None else unit[0],
+        range=range_read,
+        values=tuple(item.text for item in _members(present["values"])) if "values" in present else (),
+        places=Places(reader.place_of, ranges),
+    )
+
+
+def read_literal(reader: Reader, node: YamlNode, *steps: str) -> Literal:
+    """Return a literal; a plain number with a unit is converted to SI units."""
+    if node.reported or not isinstance(node, ScalarNode) or node.data is None:
+        reader.damage(*steps)
+        return ""
+    if isinstance(node.data, str) and node.style is Style.PLAIN and node.text[:1] in "-0123456789":
+        return _read_quantity(reader, node, *steps)
+    return node.data
+
+
+def _read_quantity(reader: Reader, node: ScalarNode, *steps: str) -> Literal:
+    quantity = parse_quantity(node.text)
+    if quantity is not None:
+        return quantity.si
+    like = _LIKE_QUANTITY.fullmatch(node.text)
+    if like is not None and parse_unit(like[1]) is None:
+        near = units_help(like[1])
+        help_text = f"{near}{' ' if near.endswith('?') else '. '}Quote it if it is text"
+        reader.fail("unit", f"unknown unit {shown(like[1])} in {shown(node.text)}", node, help_text, *steps)
+    return node.text
+
+
+def _read_unit(reader: Reader, entry: tuple[ScalarNode, YamlNode], *steps: str) -> tuple[str, Unit | None] | None:
+    if not isinstance(entry[1], ScalarNode) or entry[1].reported:
+        return None
+    text = entry[1].text
+    unit = parse_unit(text)
+    if unit is None:
+        reader.fail("unit", f"unknown unit {shown(text)}", entry[1], units_help(text), *steps, "unit")
+    return text, unit
+
+
+def _read_range(
+    reader: Reader, entry: tuple[ScalarNode, YamlNode], unit: tuple[str, Unit | None] | None, *steps: str
+) -> tuple[float, float] | None:
+    if not isinstance(entry[1], SequenceNode) or entry[1].reported:
+        return None
+    if any(item.reported for item in entry[1].items):
+        reader.damage(*steps, "range")
+        return None
+    read = (_read_end(item, unit) for item in entry[1].items)
+    ends = [end for end in read if end is not None]
+    if unit is not None and unit[1] is None:
+        return None
+    if len(ends) == 2 and ends[0] <= ends[1]:
+        return ends[0], ends[1]
+    place, written = reader.origin.of_value(*entry), reader.origin.written(entry[1])
+    if len(ends) < 2:
+        wanted = "two numbers, since the value has no unit" if unit is None else f"two numbers in {unit[0]}"
+        reader.fail("range", f"the range {shown(written)} must be {wanted}", place, _RANGE_HELP, *steps, "range")
+        return None
+    message = f"the range {shown(written)} ends before it begins"
+    reader.fail("range", message, place, "write the smaller number first", *steps, "range")
+    return ends[0], ends[1]
+
+
+def _read_end(node: YamlNode, unit: tuple[str, Unit | None] | None) -> float | None:
+    """Return an end of a range: a number in the value's unit, or with a unit of its own; None if it is invalid."""
+    if not isinstance(node, ScalarNode):
+        return None
+    if isinstance(node.data, (int, float)):
+        return node.data
+    quantity = parse_quantity(node.text)
+    stated = None if unit is None else unit[1]
+    if quantity is None or stated is None or quantity.unit.dimension != stated.dimension:
+        return None
+    return convert(quantity.value, quantity.unit, stated)
+
+
+def _members(entry: tuple[ScalarNode, YamlNode]) -> Iterable[ScalarNode]:
+    items = entry[1].items if isinstance(entry[1], SequenceNode) else ()
+    return (item for item in items if isinstance(item, ScalarNode))

@@ -1,0 +1,223 @@
+"""Uses of templates: their arguments, and the elements that they create."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+from codra_dsl.language.diagnostics import Place, Related, replacing, surely_means
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.elements.elements import Elements, report_taken
+from codra_dsl.language.load.schema.document import Document
+from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
+from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.schema.shape import explain
+from codra_dsl.language.load.templates.arguments import Arguments, read_arguments
+from codra_dsl.language.load.templates.substitution import Filler, example
+from codra_dsl.language.load.templates.templates import Template, declare, declared
+from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.names import check_name
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, YamlNode
+from codra_dsl.language.load.yaml.origin import Origin, Subject
+from codra_dsl.language.load.yaml.reader import entries
+from codra_dsl.language.model import DeclaredTemplate, Use
+
+_AROUND_ARGUMENTS = ("parameters", "arguments", "with")
+MAX_FILLED = 1_500_000
+"""The maximum number of values that all uses of a spec may create."""
+
+
+class Uses:
+    """The templates of a spec and their uses.
+
+    Attributes:
+        made: the valid uses, in file order.
+        complete: whether the names of all created elements are known.
+    """
+
+    def __init__(self, findings: Findings, *, blind: bool) -> None:
+        """Initialize; `blind` means that templates may be missing because a part could not be read."""
+        self.made: list[Use] = []
+        self.complete = not blind
+        self._blind = blind
+        self._findings = findings
+        self._templates: dict[str, Template] = {}
+        self._corrections: dict[str, str] = {}
+        self._taken: dict[tuple[str, str], Subject] = {}
+        self._used: set[str] = set()
+        self._named: set[str] = set()
+
+    def declare(self, documents: Iterable[Document]) -> None:
+        """Add the templates of some documents."""
+        known = [entry for document in documents for entry in _entries(document, "templates")]
+        uses = _Named(use for document in documents for use in _entries(document, "use"))
+        self._corrections = self._misspelt(known, uses)
+        names = {declared: used for used, declared in self._corrections.items()}
+        for subject, node in known:
+            if not isinstance(node, MappingNode):
+                explain("template", node, subject, self._findings)
+                self.complete, self._blind = False, True
+            elif self._is_new(subject):
+                given = uses.given(names.get(subject.name, subject.name))
+                template = declare(subject, node, given, self._findings)
+                self._templates[subject.name] = template
+                self.complete &= not template.is_lost
+
+    def _misspelt(self, known: Iterable[tuple[Subject, YamlNode]], uses: _Named) -> dict[str, str]:
+        """Report templates with a misspelt declaration; return the declared name for each name in uses."""
+        declared = {subject.name: subject for subject, _ in known}
+        unknown = {name: len(places) for name, places in uses.places.items() if name not in declared}
+        if not unknown or self._blind:
+            return {}
+        unused = [name for name in declared if name not in uses.places]
+        misspelt_templates = misspelt_declarations(unknown, unused, declared, NO_WORDS, self._findings.nearest)
+        for name, misspelt in misspelt_templates.items():
+            subject = declared[misspelt]
+            place = subject.origin.of(subject.key)
+            message = f"{subject} is never used, and template {shown(name)} is not declared"
+            related = [Related(f"{shown(name)} is used here", use_place) for use_place in uses.places[name]]
+            fix = replacing(place, misspelt, name, safe=False)
+            help_text = f"did you mean '{name}'?"
+            self._findings.add(
+                "unknown-template", message, place, help=help_text, path=subject.path, related=related, fix=fix
+            )
+        return misspelt_templates
+
+    def make(self, documents: Iterable[Document], modules: Mapping[str, str], elements: Elements) -> None:
+        """Add the elements that the uses in some documents create; `modules` has the module of each instance."""
+        known: list[tuple[Subject, YamlNode, Template]] = []
+        size = 0
+        for subject, node in (use for document in documents for use in _entries(document, "use")):
+            template = self._template(subject, node)
+            if template is None:
+                self.complete = False
+                continue
+            self._named.add(template.name)
+            known.append((subject, node, template))
+            size += template.size
+            if size > MAX_FILLED:
+                self.complete = False
+                message = f"all uses together create more than {MAX_FILLED} values"
+                place, path = subject.origin.of(subject.key), subject.path
+                self._findings.add("too-many-values", message, place, help="use smaller templates", path=path)
+                return
+        for subject, node, template in known:
+            self._use(subject, node, template, modules.get(subject.name, subject.name), elements)
+
+    def _use(self, subject: Subject, node: YamlNode, template: Template, module: str, elements: Elements) -> None:
+        arguments = read_arguments(subject, node, template, self._findings)
+        if not self._is_new(subject) or not arguments.right:
+            _damage(template, arguments, elements)
+            return
+        self._used.add(template.name)
+        self.made.append(Use(instance=subject.name, template=template.name, place=subject.origin.of(subject.key)))
+        key = subject.origin.source.span(subject.key.start, subject.key.end)
+        self._fill(template, arguments, Origin(template.origin.source, key, template.name, module), elements)
+
+    def declared(self) -> Iterator[DeclaredTemplate]:
+        """Yield the templates as they are declared, in file order."""
+        for name, template in self._templates.items():
+            yield declared(template, is_used=name in self._named or not self.complete)
+
+    def try_unused(self) -> None:
+        """Instantiate each unused template with examples, so that its mistakes are found as well."""
+        for name, template in self._templates.items():
+            if name not in self._used:
+                bound = {key: example(parameter) for key, parameter in template.parameters.items()}
+                self._fill(template, Arguments(bound, right=True), template.origin, Elements(self._findings))
+
+    def _is_new(self, subject: Subject) -> bool:
+        """Report an invalid or duplicate name; return whether it can be used."""
+        proper = check_name(subject.key, subject, subject, self._findings)
+        first = self._taken.setdefault((subject.section, subject.name.casefold()), subject)
+        if first is not subject:
+            report_taken(subject, first, self._findings)
+        return first is subject and (proper or subject.section == "templates")
+
+    def _template(self, subject: Subject, node: YamlNode) -> Template | None:
+        """Return the template that a use names."""
+        if isinstance(node, MappingNode):
+            self._correct(subject, node)
+        name = node.value("template") if isinstance(node, MappingNode) else None
+        if not sound("template_use", node.data):
+            explain("template_use", node, subject, self._findings)
+        if not isinstance(name, ScalarNode) or name.reported or not isinstance(name.data, str):
+            return None
+        template = self._templates.get(self._corrections.get(name.text, name.text))
+        if template is None and not self._blind:
+            near = self._findings.nearest(name.text, self._templates)
+            known = f"templates are {listed(self._templates)}" if self._templates else "no templates are declared"
+            help_text = f"did you mean '{near}'?" if near else known
+            message = f"unknown template {shown(name.text)} in {subject}"
+            path = subject.part("template")
+            place = subject.origin.of(name)
+            safe = near in self._named and surely_means(name.text, near or "", self._templates)
+            fix = replacing(place, name.text, near, safe=safe) if near else None
+            self._findings.add("unknown-template", message, place, help=help_text, path=path, fix=fix)
+        return template
+
+    def _correct(self, subject: Subject, node: MappingNode) -> None:
+        """Report arguments in a mapping of their own and a misspelt `template` key, and correct the node."""
+        around = next((key for key in _AROUND_ARGUMENTS if isinstance(node.value(key), MappingNode)), None)
+        if around is not None:
+            place, path = subject.origin.of(node.entries[around][0]), subject.part(around)
+            message, help_text = f"the arguments are under {shown(around)} in {subject}", "write them beside 'template'"
+            self._findings.add("unknown-argument", message, place, help=help_text, path=path)
+            for key, value in entries(node.take(around)):
+                if key.text not in node.entries:
+                    node.put(key, value)
+        named = [key for key, (_, value) in node.entries.items() if _is_text(value) and value.data in self._templates]
+        if "template" not in node.entries and len(named) == 1:
+            key_node, value = node.entries[named[0]]
+            place, path = subject.origin.of(key_node), subject.part(named[0])
+            message, help_text = f"unknown key {shown(named[0])} in {subject}", "did you mean 'template'?"
+            fix = replacing(place, named[0], "template", safe=False)
+            self._findings.add("unknown-key", message, place, help=help_text, path=path, fix=fix)
+            node.take(named[0])
+            node.put(ScalarNode("template", "template", key_node.start, key_node.end, key_node.style), value)
+
+    def _fill(self, template: Template, arguments: Arguments, origin: Origin, elements: Elements) -> None:
+        """Add the elements of a template instantiated with arguments."""
+        filler = Filler(template, arguments.bound)
+        sections = filler.sections()
+        filler.report(origin, self._findings)
+        for section, mapping in sections.items():
+            wrong = {name: keys for (of, name), keys in template.damaged.items() if of == section}
+            elements.add(section, mapping, origin, wrong)
+
+
+class _Named:
+    """The templates and arguments that uses name, collected before templates are read.
+
+    Attributes:
+        places: the places of the uses of each template.
+    """
+
+    def __init__(self, uses: Iterable[tuple[Subject, YamlNode]]) -> None:
+        self.places: dict[str, list[Place]] = {}
+        self._given: dict[str, list[str]] = {}
+        for subject, node in uses:
+            name = node.value("template") if isinstance(node, MappingNode) else None
+            if isinstance(name, ScalarNode) and isinstance(name.data, str) and not name.reported:
+                self.places.setdefault(name.text, []).append(subject.origin.of(name))
+                given = self._given.setdefault(name.text, [])
+                given.extend(key.text for key, value in entries(node) if value is not name)
+
+    def given(self, template: str) -> list[str]:
+        """Return the names of all arguments in all uses of a template."""
+        return self._given.get(template, [])
+
+
+def _is_text(value: YamlNode) -> bool:
+    return isinstance(value, ScalarNode) and isinstance(value.data, str)
+
+
+def _damage(template: Template, arguments: Arguments, elements: Elements) -> None:
+    """Record the names that a use would have created if it were valid."""
+    for section, mapping in Filler(template, arguments.bound).sections().items():
+        for name in mapping.entries:
+            elements.lose(section, name)
+
+
+def _entries(document: Document, section: str) -> Iterator[tuple[Subject, YamlNode]]:
+    for key, node in entries(document.section(section)):
+        yield Subject(section, key, document.origin), node

@@ -1,0 +1,260 @@
+"""The definitions in a project's modules, as far as they can be read without importing or running anything.
+
+Only modules in the project's folder, or in its folder `src`, are read. Uncertain cases (a module from elsewhere, one
+with `__getattr__` or a star import, a function with a decorator) count as open and are never reported.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import stat
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+MAX_MODULE_BYTES = 512 * 1024
+MAX_ALL_BYTES = 2 * 1024 * 1024
+MAX_MODULES = 200
+_MAX_LISTED = 2000
+_MAX_FUNCTIONS = 100
+_MAX_BELOW = 50
+_FOLDERS = ("", "src")
+_OPAQUE = (".so", ".pyd", ".pyc", ".pyx", ".zip")
+_OPENING = frozenset({"globals", "locals", "vars", "exec", "eval", "setattr"})
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """The arguments of a function.
+
+    Attributes:
+        accepted: the arguments that may be passed by name.
+        needed: the arguments without a default value, including those that cannot be passed by name.
+        takes_any: whether it takes any other argument (`**rest`).
+        is_unfit: whether it is a class without `perceive`.
+    """
+
+    accepted: frozenset[str]
+    needed: tuple[str, ...]
+    takes_any: bool
+    is_unfit: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """The definitions of a module.
+
+    Attributes:
+        names: with the signatures of functions and classes; None if the signature is unknown.
+        functions: the first names with a signature.
+        is_open: whether it may have other names.
+    """
+
+    names: Mapping[str, Signature | None]
+    functions: tuple[str, ...]
+    is_open: bool
+
+
+OPEN = Module({}, (), is_open=True)
+"""A module with unknown definitions."""
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """The point at which the search for a module fails.
+
+    Attributes:
+        at: the index of the first part of its name that is missing.
+        folder: the folder that should contain that part.
+    """
+
+    at: int
+    folder: Path
+
+
+class Modules:
+    """The modules of one project.
+
+    Attributes:
+        consulted: the files, relative to the root, on which the result depends, including missing ones.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.consulted: dict[str, None] = {}
+        self._root = root.resolve()
+        self._modules: dict[str, Module | Missing | None] = {}
+        self._listed: dict[Path, frozenset[str] | None] = {}
+        self._left = MAX_ALL_BYTES
+
+    def find(self, name: str) -> Module | Missing | None:
+        """Return a module by its dotted name, or where the search fails; None if it may be outside the project."""
+        if name not in self._modules:
+            if len(self._modules) >= MAX_MODULES:
+                return None
+            self._modules[name] = self._find(name.split("."))
+        return self._modules[name]
+
+    def near(self, folder: Path) -> tuple[str, ...]:
+        """Return the names of the packages and modules in a folder, sorted."""
+        listed = self._list(folder) or frozenset()
+        names = {entry.removesuffix(".py") for entry in listed if entry.endswith(".py") and not entry.startswith("_")}
+        names.update(entry for entry in listed if entry.isidentifier() and (folder / entry).is_dir())
+        return tuple(sorted(names))
+
+    def _find(self, steps: Sequence[str]) -> Module | Missing | None:
+        for base in _FOLDERS:
+            path = "/".join(filter(None, (base, *steps)))
+            self.consulted[f"{path}.py"] = self.consulted[f"{path}/__init__.py"] = None
+        bases = (self._root / base for base in _FOLDERS)
+        home = next((base for base in bases if self._holds(base, steps[0])), None)
+        return Missing(0, self._root) if home is None else self._follow(home, steps)
+
+    def _follow(self, folder: Path, steps: Sequence[str]) -> Module | Missing | None:
+        for index, step in enumerate(steps):
+            listed = self._list(folder)
+            if listed is None or any(name.startswith(f"{step}.") and name.endswith(_OPAQUE) for name in listed):
+                return None
+            is_last = index == len(steps) - 1
+            if is_last and f"{step}.py" in listed and step not in listed:
+                return self._read(folder / f"{step}.py")
+            if step not in listed:
+                return None if self._extends_path(folder, index) else Missing(index, folder)
+            folder /= step
+        listed = self._list(folder)
+        return self._read(folder / "__init__.py") if listed and "__init__.py" in listed else None
+
+    def _holds(self, folder: Path, name: str) -> bool:
+        """Return whether a folder has a module or package of some name, with Python files in it or one level below."""
+        listed = self._list(folder) or frozenset()
+        if f"{name}.py" in listed:
+            return True
+        package = folder / name
+        inner = sorted((self._list(package) or ()) if name in listed else ())
+        below = (package / entry for entry in inner[:_MAX_BELOW] if (package / entry).is_dir())
+        return _has_python(inner) or any(_has_python(self._list(subfolder) or ()) for subfolder in below)
+
+    def _list(self, folder: Path) -> frozenset[str] | None:
+        """Return the names in a folder of the project; None if there is no such folder, or it has too many entries."""
+        if folder not in self._listed:
+            self._listed[folder] = self._listed_names(folder)
+        return self._listed[folder]
+
+    def _listed_names(self, folder: Path) -> frozenset[str] | None:
+        try:
+            if not folder.resolve().is_relative_to(self._root):
+                return None
+            with os.scandir(folder) as entries:
+                names = frozenset(entry.name for _, entry in zip(range(_MAX_LISTED + 1), entries, strict=False))
+        except (OSError, RuntimeError, ValueError):
+            return None
+        return names if len(names) <= _MAX_LISTED else None
+
+    def _extends_path(self, folder: Path, depth: int) -> bool:
+        """Return whether a package changes its `__path__`."""
+        path = folder / "__init__.py"
+        data = self._bytes(path) if depth and "__init__.py" in (self._list(folder) or ()) else b""
+        if depth:
+            self.consulted[path.relative_to(self._root).as_posix()] = None
+        return data is None or b"__path__" in data
+
+    def _read(self, path: Path) -> Module:
+        data = self._bytes(path)
+        return OPEN if data is None else _module(data)
+
+    def _bytes(self, path: Path) -> bytes | None:
+        """Return the content of a regular file in the project; None for any other or too large file."""
+        try:
+            about = path.stat()
+            inside = path.resolve().is_relative_to(self._root)
+            most = min(self._left, MAX_MODULE_BYTES)
+            if not inside or not stat.S_ISREG(about.st_mode) or about.st_size > most:
+                return None
+            with path.open("rb") as stream:
+                data = stream.read(most + 1)
+        except (OSError, RuntimeError, ValueError):
+            return None
+        self._left -= len(data)
+        return data if len(data) <= most else None
+
+
+def _has_python(names: Iterable[str]) -> bool:
+    return any(name.endswith(".py") for name in names)
+
+
+@lru_cache(maxsize=256)
+def _module(data: bytes) -> Module:
+    """Return the definitions in the text of a module; `OPEN` if it is not valid Python of this version."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = ast.parse(data)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return OPEN
+    names: dict[str, Signature | None] = {}
+    for name, signature in _defined(tree.body, at_top=True):
+        names[name] = None if name in names else signature
+    is_open = "__getattr__" in names or "*" in names or any(map(_is_opening, ast.walk(tree)))
+    functions = [name for name, signature in names.items() if signature is not None]
+    return Module(names, tuple(functions[:_MAX_FUNCTIONS]), is_open=is_open)
+
+
+def _defined(body: Sequence[ast.stmt], *, at_top: bool) -> Iterator[tuple[str, Signature | None]]:
+    """Yield every name that statements bind, `*` for a star import, with its signature if that is certain."""
+    for statement in body:
+        if isinstance(statement, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            yield statement.name, _signature(statement.args, 0) if at_top and not statement.decorator_list else None
+        elif isinstance(statement, ast.ClassDef):
+            yield statement.name, _of_class(statement) if at_top else None
+        elif isinstance(statement, (ast.Import, ast.ImportFrom)):
+            for alias in statement.names:
+                yield alias.asname or alias.name.partition(".")[0], None
+        else:
+            yield from _defined(list(_inner(statement)), at_top=False)
+            stored = (node for node in ast.walk(statement) if isinstance(node, ast.Name))
+            yield from ((node.id, None) for node in stored if isinstance(node.ctx, ast.Store))
+
+
+def _inner(statement: ast.stmt) -> Iterator[ast.stmt]:
+    """Yield the statements inside a statement, including those of its branches."""
+    for part in ast.iter_child_nodes(statement):
+        if isinstance(part, ast.stmt):
+            yield part
+        elif isinstance(part, (ast.ExceptHandler, ast.match_case)):
+            yield from part.body
+
+
+def _is_opening(node: ast.AST) -> bool:
+    """Return whether a node may bind names that are not in the source."""
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _OPENING
+
+
+def _of_class(statement: ast.ClassDef) -> Signature | None:
+    """Return the signature of the `perceive` of a class, which is instantiated without arguments."""
+    if statement.bases or statement.keywords or statement.decorator_list:
+        return None
+    bound = list(_defined(statement.body, at_top=False))
+    perceiving = [name for name, _ in bound if name == "perceive"]
+    if not perceiving:
+        return Signature(frozenset(), (), takes_any=False, is_unfit=True)
+    methods = [method for method in statement.body if isinstance(method, ast.FunctionDef) and method.name == "perceive"]
+    if len(perceiving) > 1 or len(methods) != 1 or methods[0].decorator_list:
+        return None
+    return _signature(methods[0].args, 1)
+
+
+def _signature(arguments: ast.arguments, own: int) -> Signature:
+    """Return the signature of a function; `own` is the number of first arguments that Python passes itself."""
+    leading = [*arguments.posonlyargs, *arguments.args]
+    optional = {argument.arg for argument in leading[len(leading) - len(arguments.defaults) :]}
+    pairs = zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
+    optional.update(argument.arg for argument, default in pairs if default is not None)
+    taken = [*leading[own:], *arguments.kwonlyargs]
+    only_by_place = {argument.arg for argument in arguments.posonlyargs}
+    return Signature(
+        accepted=frozenset(argument.arg for argument in taken if argument.arg not in only_by_place),
+        needed=tuple(argument.arg for argument in taken if argument.arg not in optional),
+        takes_any=arguments.kwarg is not None,
+    )

@@ -1,0 +1,128 @@
+"""The parts that a spec includes: each one once, and only from inside the project."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from codra_dsl.language.diagnostics import Place, Related
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.document import Document, read_document
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.nodes import ScalarNode
+from codra_dsl.language.load.yaml.source import AS_ON_DISK, MAX_BYTES, read
+
+MAX_PARTS = 1000
+MAX_INCLUDE_DEPTH = 16
+_MAX_LISTED = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class _Open:
+    """A file whose parts are being read: the files that lead to it, and itself."""
+
+    path: Path
+    around: tuple[Path, ...]
+
+
+class Parts:
+    """Reads a spec's parts.
+
+    Attributes:
+        documents: the spec's own first, then parts in the order of inclusion.
+        complete: whether every part could be read.
+    """
+
+    def __init__(self, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> None:
+        """Initialize; `texts` has the content of files, by their names in findings, that are not read from disk."""
+        self.documents: list[Document] = []
+        self.complete = True
+        self._root = root.resolve()
+        self._findings = findings
+        self._texts = texts
+        self._first: dict[Path, Place] = {}
+        self._letters = 0
+
+    def read_all(self, document: Document, path: Path) -> None:
+        """Read a document's parts, recursively."""
+        self._first[path] = document.origin.of(document.subject.key)
+        self._add(document, _Open(path, (path,)))
+
+    def _add(self, document: Document, opened: _Open) -> None:
+        self.documents.append(document)
+        self._letters += len(document.origin.source.text)
+        for node in document.includes:
+            if node.reported or not self._include(document, node, opened):
+                self.complete = False
+
+    def _include(self, document: Document, node: ScalarNode, opened: _Open) -> bool:
+        """Read one part; return whether its elements are known."""
+        place = document.origin.of(node)
+        path = self._locate(node, opened, place)
+        if path is None or not self._is_first(path, node, opened, place):
+            return path is not None and path in self._first and path not in opened.around
+        if len(self.documents) > MAX_PARTS or len(opened.around) > MAX_INCLUDE_DEPTH or self._letters > MAX_BYTES:
+            help_text = f"at most {MAX_PARTS} parts, {MAX_INCLUDE_DEPTH} deep and {MAX_BYTES >> 20} MiB are read"
+            self._findings.add("too-many-parts", "the spec has too many parts", place, help=help_text, path="include")
+            return False
+        self._first[path] = place
+        file = path.relative_to(self._root).as_posix()
+        source = read(path, file, self._findings, self._texts)
+        part = None if source is None else read_document(source, self._findings)
+        if part is None:
+            return False
+        if part.name is not None:
+            related = Related("its name", part.origin.of(part.name))
+            self._refuse("part-is-spec", f"{shown(node.text)} is a spec", place, "include parts only", related)
+            return False
+        self._add(part, _Open(path, (*opened.around, path)))
+        return True
+
+    def _locate(self, node: ScalarNode, opened: _Open, place: Place) -> Path | None:
+        """Return the file of an include, with symbolic links followed; report a forbidden one and return None."""
+        text = node.text
+        if text.startswith(("/", "~")) or "\\" in text or Path(text).is_absolute():
+            help_text = "write a relative path with '/'"
+            self._refuse("part-outside-project", f"{shown(text)} is not a relative path", place, help_text)
+            return None
+        try:
+            path = (opened.path.parent / text).resolve()
+            inside, there = path.is_relative_to(self._root), path.is_file()
+        except (OSError, RuntimeError, ValueError):
+            inside, there, path = True, False, opened.path
+        if not inside:
+            inside_of = "the nearest folder upwards whose pyproject.toml has [tool.codra], else the spec's own folder"
+            help_text = f"parts must be in the project's folder {shown(self._root.name)} or below; that is {inside_of}"
+            self._refuse("part-outside-project", f"{shown(text)} is outside of the project", place, help_text)
+        elif not there:
+            self._refuse("part-not-found", f"there is no file {shown(text)}", place, self._near(opened.path, text))
+        return path if inside and there else None
+
+    def _is_first(self, path: Path, node: ScalarNode, opened: _Open, place: Place) -> bool:
+        first = self._first.get(path)
+        if first is None:
+            return True
+        if path in opened.around:
+            chain = " -> ".join([*(step.name for step in opened.around[opened.around.index(path) :]), path.name])
+            help_text = "remove one of these includes"
+            self._refuse("part-includes-itself", f"{shown(node.text)} includes itself: {chain}", place, help_text)
+        else:
+            message = f"{shown(node.text)} is included twice"
+            related = Related("first included here", first)
+            self._refuse("part-included-twice", message, place, "remove one of them", related)
+        return False
+
+    def _near(self, including: Path, text: str) -> str:
+        folder = (including.parent / text).parent
+        try:
+            with os.scandir(folder) as listed:
+                names = sorted(entry.name for _, entry in zip(range(_MAX_LISTED), listed, strict=False))
+        except (OSError, ValueError):
+            return "paths are relative to the file that includes"
+        near = self._findings.nearest(Path(text).name, (name for name in names if name.endswith((".yaml", ".yml"))))
+        return f"did you mean '{PurePosixPath(text).with_name(near)}'?" if near else "paths are relative to this file"
+
+    def _refuse(self, rule: str, message: str, place: Place, help_text: str, *related: Related) -> None:
+        self._findings.add(rule, message, place, help=help_text, path="include", related=related)

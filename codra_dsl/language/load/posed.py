@@ -1,0 +1,46 @@
+"""The context-variables that comparisons with poses imply: one for each comparison in a condition over context.
+
+They can be read like any context: by trees, the journal and `why`. A spec cannot name them, so no other source can
+write them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from codra_dsl.language.expression import names_in
+from codra_dsl.language.model import POSES, Condition, Course, Kind, Posed, Reference, Spec, ValueType, Variable
+
+_TRUTH = ValueType(kind=Kind.BOOL)
+
+
+def with_posed(spec: Spec) -> Spec:
+    """Return a spec with the context-variables that its comparisons with poses imply."""
+    derived: dict[str, Variable] = {}
+    origins = dict(spec.origins)
+    for owner, condition in _over_context(spec):
+        for name in () if condition.tree is None else names_in(condition.tree):
+            if name.asks is not None and name.name not in derived:
+                derived[name.name] = _variable(name.name, Posed(tree=name.asks, said=condition, owner=owner))
+                origins["context", name.name] = spec.origins[owner[0], owner[1]]
+    return replace(spec, context=(*spec.context, *derived.values()), origins=origins) if derived else spec
+
+
+def _over_context(spec: Spec) -> Iterator[tuple[tuple[str, str, str], Condition]]:
+    """Yield each condition that may contain poses, with the section, name and key of its element."""
+    for algorithm in spec.perception:
+        owner = ("perception", algorithm.name, "observable_when")
+        yield from ((owner, condition) for condition in algorithm.observable_when)
+    for adaptation in spec.adaptation:
+        does, name = adaptation.does, adaptation.name
+        if isinstance(does, Course):
+            yield from ((("adaptation", name, "always"), rule.condition) for rule in does.always)
+        else:
+            yield ("adaptation", name, "value"), does.value
+
+
+def _variable(name: str, posed: Posed) -> Variable:
+    place = posed.said.place_of(posed.tree)
+    sources = (Reference(name=POSES, place=place),)
+    return Variable(name=name, type=_TRUTH, place=place, label=name, sources=sources, is_derived=True, posed=posed)

@@ -1,0 +1,78 @@
+"""Which of two similar names is misspelt: the one that is declared but never used, or the one used but not declared.
+
+The same rule applies to all kinds of names. A name with several uses is right. If each of the two names occurs once,
+the one whose words occur elsewhere in the spec is right. If that decides nothing, the use is considered misspelt.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+
+_WORD = re.compile(r"[a-z]+|[0-9]+")
+
+
+class Vocabulary:
+    """The words of a spec's names and texts, with the number of texts that contain each."""
+
+    def __init__(self, texts: Iterable[str]) -> None:
+        self._counts = Counter(word for text in set(texts) for word in _words(text))
+
+    def knows_better(self, used: str, declared: str) -> bool:
+        """Return whether the words only in the used name are more frequent than those only in the declared one."""
+        left, right = _words(used), _words(declared)
+        if left == right:
+            return len(used) < len(declared)
+        of_used = sum(self._counts[word] for word in left - right)
+        of_declared = sum(max(0, self._counts[word] - 1) for word in right - left)  # without the declaration itself
+        return of_used > of_declared
+
+
+NO_WORDS = Vocabulary(())
+"""An empty vocabulary."""
+
+
+def misspelt_declarations(
+    uses: Mapping[str, int],
+    unused: Iterable[str],
+    declared: Iterable[str],
+    vocabulary: Vocabulary,
+    nearest: Callable[[str, Iterable[str]], str | None],
+) -> dict[str, str]:
+    """Return the misspelt declarations: the name as used, mapped to the name as declared.
+
+    Args:
+        uses: the number of uses of each unknown name.
+        unused: the names that are declared and never used.
+        declared: all declared names; if a used one is nearer, the use is misspelt.
+        vocabulary: decides if a name has only one use.
+        nearest: returns the candidate that a name most likely means.
+    """
+    misspelt: dict[str, str] = {}
+    left = set(unused)
+    known = set(declared)
+    for name, count in uses.items():
+        near = (nearest(name, left) or _shortened(name, left)) if left else None
+        if near is None or nearest(name, known) not in (near, None):
+            continue
+        if count > 1 or vocabulary.knows_better(name, near):
+            misspelt[name] = near
+            left.discard(near)
+    return misspelt
+
+
+def _shortened(name: str, candidates: Iterable[str]) -> str | None:
+    """Return the only candidate that equals the name without its first or last words, or vice versa."""
+    alike = [
+        other
+        for other in candidates
+        if any(
+            long.startswith(f"{short}_") or long.endswith(f"_{short}") for long, short in ((name, other), (other, name))
+        )
+    ]
+    return alike[0] if len(alike) == 1 else None
+
+
+def _words(text: str) -> set[str]:
+    return set(_WORD.findall(text.casefold()))

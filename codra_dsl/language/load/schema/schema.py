@@ -1,0 +1,131 @@
+"""The published schema, `schema.json`: whether data have the shape of one of its definitions, and their errors if not.
+
+`jsonschema_rs` accepts valid data very fast; only data that it refuses is given to `jsonschema`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import jsonschema_rs
+
+from codra_dsl.language.load.schema_file import schema
+
+if TYPE_CHECKING:
+    from jsonschema.exceptions import ValidationError
+
+FILE = ""
+"""The definition of a complete file."""
+
+
+_FORMS = {
+    "identification": ("cases", "condition"),
+    "node": ("node_object", "name"),
+    "writers": ("priorities", "sources"),
+    "parameter_declaration": ("parameter_object", "parameter_type"),
+    "saying": ("said_values", "silence"),
+    "behaviour": ("behaviour_object", "behaviour_word"),
+    "belief": ("belief_object", "literal"),
+}
+"""Values that may be a mapping or not: the definition of the mapping, and the definition of anything else."""
+
+_ANNOTATIONS = {"title", "description", "markdownDescription", "markdownEnumDescriptions", "default", "examples"}
+
+
+def sound(definition: str, data: object) -> bool:
+    """Return whether data have the shape of a definition of the schema."""
+    return _acceptor(definition).is_valid(data)
+
+
+def keys_of(definition: str) -> frozenset[str]:
+    """Return the keys that an element of a definition can have."""
+    mapping, _ = _FORMS.get(definition, (definition, definition))
+    return frozenset(schema()["$defs"][mapping].get("properties", ()))
+
+
+@cache
+def _acceptor(definition: str) -> jsonschema_rs.Draft202012Validator:
+    return jsonschema_rs.Draft202012Validator(_definition(definition, _bare_schema()))
+
+
+@cache
+def _explainer(definition: str) -> Any:
+    from jsonschema import Draft202012Validator  # noqa: PLC0415  slow to import; a sound spec never needs it
+
+    return Draft202012Validator(_definition(definition, schema()))
+
+
+def _definition(name: str, full_schema: dict[str, Any]) -> dict[str, Any]:
+    if name == FILE:
+        return full_schema
+    return {"$ref": f"#/$defs/{name}", "$defs": full_schema["$defs"]}
+
+
+@cache
+def _bare_schema() -> dict[str, Any]:
+    return _bare(schema())
+
+
+def _bare(part: dict[str, Any]) -> dict[str, Any]:
+    """Return a schema without descriptions and examples: creating an acceptor then takes a third of the time."""
+    bare: dict[str, Any] = {}
+    for keyword, value in part.items():
+        if keyword in ("properties", "$defs"):
+            bare[keyword] = {name: _bare(inner) for name, inner in value.items()}
+        elif keyword in ("anyOf", "allOf"):
+            bare[keyword] = [_bare(inner) for inner in value]
+        elif keyword not in _ANNOTATIONS:
+            bare[keyword] = _bare(value) if isinstance(value, dict) else value
+    return bare
+
+
+@dataclass(frozen=True, slots=True)
+class Error:
+    """An error of the schema: `path` leads from the element to the wrong value."""
+
+    path: tuple[str | int, ...]
+    keyword: str
+    limit: Any
+    schema: dict[str, Any]
+    data: Any
+
+
+def errors_of(definition: str, data: object, path: tuple[str | int, ...]) -> Iterator[Error]:
+    """Yield the errors of data against a definition; `path` leads from their element to the data."""
+    error: ValidationError
+    for error in _explainer(definition).iter_errors(data):
+        inner = (*path, *error.absolute_path)
+        schema_here = error.schema if isinstance(error.schema, dict) else {}
+        branch = _branch(schema_here.get("$anchor"), error.instance) if error.validator == "anyOf" else None
+        if branch is not None:
+            yield from errors_of(branch, error.instance, inner)
+        else:
+            yield Error(inner, str(error.validator), error.validator_value, schema_here, error.instance)
+
+
+def _branch(anchor: str | None, data: object) -> str | None:
+    """Return the definition that applies to a value with several possible forms."""
+    if anchor == "identification" and isinstance(data, dict) and {"enter", "leave", "confirm"} & data.keys():
+        return "hysteresis"
+    if anchor == "pattern_or_patterns":
+        return "some_patterns" if isinstance(data, list) else "pattern"
+    forms = _FORMS.get(anchor or "")
+    return None if forms is None else forms[0 if isinstance(data, dict) else 1]
+
+
+def allowed_words(schema_here: dict[str, Any]) -> list[str]:
+    """Return the words that a schema allows, if it is a choice among words."""
+    for form in (schema_here, *schema_here.get("anyOf", ())):
+        if "enum" in form:
+            return list(form["enum"])
+    return []
+
+
+def resolved(part: dict[str, Any]) -> dict[str, Any]:
+    """Return a part of the schema with its reference resolved."""
+    reference = part.get("$ref", "")
+    referred: dict[str, Any] = schema()["$defs"].get(reference.rpartition("/")[2], {})
+    return referred | part

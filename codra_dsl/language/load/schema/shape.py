@@ -1,0 +1,484 @@
+"""Findings about the shape of an element: the errors of the schema, one finding per root cause."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from typing import Any
+
+from codra_dsl.language.diagnostics import Fix, Place, is_slip, replacing, surely_means
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.schema import Error, allowed_words, errors_of, resolved, sound
+from codra_dsl.language.load.schema_file import schema
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.fixes import suggest_word, trap_fix, truth_value_of, without_item
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, SequenceNode, Style, YamlNode
+from codra_dsl.language.load.yaml.origin import Subject, damaged_key
+from codra_dsl.language.load.yaml.traps import (
+    Openings,
+    Trap,
+    read_as_list,
+    read_as_literal,
+    torn_at_comma,
+    torn_condition,
+    torn_expectation,
+    torn_number,
+)
+from codra_dsl.language.units import duration_help
+
+_SHORT = 4
+_PARTS: Mapping[str | int, str] = {
+    "returns": "returned value",
+    "parameters": "parameter",
+    "attributes": "attribute",
+    "rules": "rule",
+}
+"""The nouns for parts of an element with names of their own, by key."""
+
+_CONDITIONS = {"condition": "condition", "pattern": "condition", "expectation": "expectation"}
+"""The values that are prone to YAML's traps, by the schema's anchor, with the kind of trap."""
+
+_TORN_NUMBER = re.compile(r"[0-9],[0-9]+$")
+_ITEMS = re.compile(r"[\[(]?([^\[\](){}\"'#:]+)[\])]?")
+
+
+def explain(definition: str, node: YamlNode, subject: Subject, findings: Findings) -> frozenset[str]:
+    """Report why an element does not have the shape of a definition: one finding per root cause.
+
+    So that the rest can be read as intended, misspelt keys are corrected in the nodes, unknown keys are removed, and
+    values with a finding are marked as reported.
+
+    Returns:
+        The keys that cannot be read, as `Spec.damaged_keys` lists them. Misspelt keys can be read. An unknown key may
+        mean any absent key, so all of these count as unreadable.
+    """
+    explanation = _Explanation(subject, node, findings)
+    for mapping, corrections in explanation.unknown_keys(errors_of(definition, node.data, ())):
+        _rename(mapping, corrections)
+    explanation.report(tuple(errors_of(definition, node.data, ())))
+    return frozenset(explanation.damaged)
+
+
+def explain_outline(definition: str, root: MappingNode, subject: Subject, findings: Findings) -> None:
+    """Report mistakes in the keys of a file or template, without checking its sections.
+
+    Misspelt keys are corrected in the nodes; unknown keys stay.
+    """
+    if sound(definition, _outline(root)):
+        return
+    explanation = _Explanation(subject, root, findings)
+    for mapping, corrections in explanation.unknown_keys(errors_of(definition, _outline(root), ())):
+        _rename(mapping, {key: near or key for key, near in corrections.items()})
+    errors = errors_of(definition, _outline(root), ())
+    explanation.report(tuple(error for error in errors if error.path or error.keyword != "required"))
+
+
+def _outline(root: MappingNode) -> dict[str, object]:
+    return {key: _outlined(key, value) for key, (_, value) in root.entries.items()}
+
+
+def _outlined(key: str, value: YamlNode) -> object:
+    """Return a section without its elements; the sections under `knowledge` are one level deeper."""
+    if key == "parameters" or not isinstance(value, MappingNode):
+        return value.data
+    return _outline(value) if key == "knowledge" else {}
+
+
+def _rename(mapping: MappingNode, corrections: Mapping[str, str | None]) -> None:
+    """Rename misspelt keys; remove unknown ones."""
+    entries = list(mapping.entries.items())
+    mapping.entries.clear()
+    mapping.data.clear()
+    for key, (key_node, value) in entries:
+        name = corrections.get(key, key)
+        if name is None:
+            continue
+        if name != key:
+            key_node = ScalarNode(name, name, key_node.start, key_node.end, key_node.style)  # noqa: PLW2901
+        mapping.put(key_node, value)
+
+
+class _Explanation:
+    """Converts the errors of one element to findings, and lists the keys that they damage."""
+
+    def __init__(self, subject: Subject, root: YamlNode, findings: Findings) -> None:
+        self._subject = subject
+        self._root = root
+        self._findings = findings
+        self._done: set[tuple[str | int, ...]] = set()
+        self._strange: dict[tuple[str | int, ...], list[tuple[ScalarNode, str]]] = {}
+        self.damaged: set[str] = set()
+
+    def unknown_keys(self, errors: Iterable[Error]) -> list[tuple[MappingNode, dict[str, str | None]]]:
+        """Report unknown keys; return each mapping with unknown keys, and the known key that each of them means."""
+        corrections = []
+        for error in errors:
+            mapping = self._node(error.path)
+            if error.keyword == "additionalProperties" and isinstance(mapping, MappingNode):
+                corrections.append((mapping, self._unknown(error, mapping)))
+        return corrections
+
+    def report(self, errors: Sequence[Error]) -> None:
+        """Report the other errors, and the unknown keys that may be missing ones."""
+        for error in errors:
+            if error.keyword == "required":
+                self._missing(error)
+        for path, keys in self._strange.items():
+            for key, allowed in keys:
+                self._report_key(path, key, allowed)
+        for error in errors:
+            if error.keyword in ("required", "additionalProperties"):
+                continue
+            if error.path:
+                self.damaged.add(damaged_key(error.path))
+            node = self._node(error.path)
+            is_emptied = isinstance(node, MappingNode) and node.unread
+            if self._is_new(error.path) and not is_emptied:
+                self._value(error)
+            node.reported = True
+
+    def _is_new(self, path: tuple[str | int, ...]) -> bool:
+        """Return whether there is no finding yet about a value or its containers."""
+        nodes = list(self._along(path))
+        known = any(node.reported for node in nodes) or any(
+            path[:length] in self._done for length in range(len(path) + 1)
+        )
+        self._done.add(path)
+        return not known
+
+    def _along(self, path: Iterable[str | int]) -> Iterator[YamlNode]:
+        node: YamlNode | None = self._root
+        if node is not None:
+            yield node
+        for step in path:
+            if isinstance(node, MappingNode) and isinstance(step, str):
+                node = node.value(step)
+            elif isinstance(node, SequenceNode) and isinstance(step, int):
+                node = node.items[step]
+            if node is not None:
+                yield node
+
+    def _node(self, path: Iterable[str | int]) -> YamlNode:
+        *_, node = self._along(path)
+        return node
+
+    def _place(self, path: tuple[str | int, ...]) -> Place:
+        """Return the place of a value, or of the nearest key around it if the value is long or empty."""
+        origin = self._subject.origin
+        for length in range(len(path), 0, -1):
+            holder, node = self._node(path[: length - 1]), self._node(path[:length])
+            if isinstance(holder, MappingNode):
+                return origin.of_value(holder.entries[str(path[length - 1])][0], node)
+            if node.end > node.start:
+                return origin.of(node)
+            if isinstance(holder, SequenceNode) and not holder.flow:
+                return origin.place(node.start - 1, node.start)  # the dash
+        return origin.of_value(self._subject.key, self._root)
+
+    def _holder(self, path: tuple[str | int, ...]) -> str:
+        """Return the name of a mapping for messages: the element itself, or a named part of it."""
+        if not path:
+            return str(self._subject)
+        if len(path) == 2 and path[0] in _PARTS:
+            return f"{_PARTS[path[0]]} {shown(str(path[1]))} of {self._subject}"
+        return f"{shown(str(path[-1]))} of {self._subject}"
+
+    def _named(self, path: tuple[str | int, ...]) -> str:
+        """Return the name of a value for messages."""
+        if not path or (len(path) == 2 and path[0] in _PARTS):
+            return self._holder(path)
+        if isinstance(path[-1], int):
+            return f"item {path[-1] + 1} of {self._named(path[:-1])}"
+        return f"{shown(path[-1])} in {self._holder(path[:-1])}"
+
+    def _unknown(self, error: Error, mapping: MappingNode) -> dict[str, str | None]:
+        known = error.schema["properties"]
+        torn = self._torn(mapping)
+        torn |= self._report_lists(error.path, mapping, known.keys() | torn, known)
+        free = {other: None for other in known if other not in mapping.entries}
+        corrections: dict[str, str | None] = {}
+        for key, (key_node, _) in mapping.entries.items():
+            if key in known or key in torn:
+                continue
+            near = corrections[key] = self._findings.nearest(key, free) or _long_form(key, free)
+            allowed = f"allowed: {', '.join(known)}" if known else "it has no keys: write {}"
+            fix = self._renaming(key_node, near, mapping.entries.keys() - known, free) if near else None
+            free.pop(near or "", None)
+            self._done.add((*error.path, near or key))
+            if near:
+                self._report_key(error.path, key_node, f"did you mean '{near}'?", fix)
+            else:
+                self._strange.setdefault(error.path, []).append((key_node, allowed))
+        if torn or None in corrections.values():
+            self.damaged.update([damaged_key(error.path)] if error.path else free)
+        return corrections
+
+    def _report_lists(
+        self, path: tuple[str | int, ...], mapping: MappingNode, explained: Set[str], known: Mapping[str, Any]
+    ) -> set[str]:
+        """Report lists without brackets in a mapping in braces; return the keys that are items of them."""
+        items: set[str] = set()
+        for owner, more in _lists_without_brackets(mapping, explained, known):
+            value = mapping.entries[owner][1]
+            first = value.text if isinstance(value, ScalarNode) else ""
+            self._report_key(path, mapping.entries[more[0]][0], f"write '{owner}: [{', '.join((first, *more))}]'")
+            value.reported = True
+            self.damaged.add(damaged_key((*path, owner)))
+            items.update(more)
+        return items
+
+    def _report_key(self, path: tuple[str | int, ...], key: ScalarNode, help_text: str, fix: Fix | None = None) -> None:
+        message = f"unknown key {shown(key.written)} in {self._holder(path)}"
+        place, way = self._subject.origin.of(key), self._subject.part(*path, key.text)
+        self._findings.add("unknown-key", message, place, help=help_text, path=way, fix=fix)
+
+    def _renaming(self, key: ScalarNode, near: str, strange: Iterable[str], free: Iterable[str]) -> Fix | None:
+        """Return the fix of a misspelt key: safe if its meaning is unique and no other key means the same."""
+        alone = not any(is_slip(other, near) for other in strange if other != key.text)
+        safe = alone and surely_means(key.text, near, free)
+        return replacing(self._subject.origin.of(key), key.written, near, safe=safe)
+
+    def _missing(self, error: Error) -> None:
+        mapping = self._node(error.path)
+        if not isinstance(mapping, MappingNode) or mapping.reported:
+            return
+        absent = [key for key in error.limit if key not in mapping.entries]
+        strange = self._strange.get(error.path, [])
+        for key in absent:
+            path = (*error.path, key)
+            self.damaged.add(damaged_key(path))
+            if path in self._done or mapping.unread:
+                continue
+            self._done.add(path)
+            if len(strange) == len(absent) == 1:
+                self._report_key(error.path, strange.pop()[0], f"did you mean '{key}', which is missing?")
+                continue
+            self._findings.add(
+                "missing-key",
+                f"{shown(key)} is missing in {self._holder(error.path)}",
+                self._place_of_name(error.path),
+                help=f"add it, for example {_example(key, self._subschema(error, key))}",
+                path=self._subject.part(*path),
+            )
+
+    def _subschema(self, error: Error, key: str) -> dict[str, Any]:
+        """Return the schema of a missing key, which an `if` may require far from its description."""
+        here = error.schema.get("properties", {}).get(key)
+        if key == "type" and isinstance(error.data, dict) and "values" in error.data:
+            return {"examples": ["enum"]}
+        return resolved(here or schema()["$defs"]["context_variable"]["properties"].get(key, {}))
+
+    def _place_of_name(self, path: tuple[str | int, ...]) -> Place:
+        if not path:
+            return self._subject.origin.of(self._subject.key)
+        holder = self._node(path[:-1])
+        if isinstance(holder, MappingNode):
+            return self._subject.origin.of(holder.entries[str(path[-1])][0])
+        return self._place(path)
+
+    def _value(self, error: Error) -> None:
+        if error.schema.get("$anchor") in _CONDITIONS and self._trapped(error):
+            return
+        path = error.path
+        if error.keyword == "uniqueItems":
+            path = (*path, _second(error.data))
+        rule, message, help_text = self._judged(error, self._node(path))
+        place = self._place_of_name(path) if rule == "misplaced-key" else self._place(path)
+        fix = self._fix(rule, error, path)
+        self._findings.add(rule, message, place, help=help_text, path=self._subject.part(*error.path), fix=fix)
+
+    def _fix(self, rule: str, error: Error, path: tuple[str | int, ...]) -> Fix | None:
+        """Return the fix of a wrong value, if its meaning is clear."""
+        node, holder = self._node(path), self._node(path[:-1])
+        if rule == "repeated-value" and isinstance(holder, SequenceNode):
+            return without_item(holder, int(path[-1]), self._subject.origin)
+        if not isinstance(node, ScalarNode) or node.style is not Style.PLAIN:
+            return None
+        if rule == "unknown-value":
+            better, safe = self._intended_word(path, node.text, allowed_words(error.schema))
+        else:
+            is_truth = rule == "wrong-type" and error.schema.get("title") == "true or false"
+            better, safe = (truth_value_of(node.text) if is_truth else None), True
+        return None if better is None else replacing(self._subject.origin.of(node), node.text, better, safe=safe)
+
+    def _intended_word(self, path: tuple[str | int, ...], word: str, allowed: Sequence[str]) -> tuple[str | None, bool]:
+        """Return the allowed word that is meant, and whether that is certain. A type with `values` is an enum."""
+        holder = self._node(path[:-1])
+        if path[-1:] == ("type",) and isinstance(holder, MappingNode) and "values" in holder.entries:
+            return "enum", surely_means(word, "enum", ())
+        return suggest_word(word, allowed, self._findings)
+
+    def _judged(self, error: Error, node: YamlNode) -> tuple[str, str, str]:
+        """Return rule, message and help for a wrong value."""
+        named = self._named(error.path)
+        title = error.schema.get("title", "something else") if error.path else "a mapping"
+        example = f"for example {_example(error.path[-1] if error.path else self._subject.key.written, error.schema)}"
+        if str(error.path[-1] if error.path else self._subject.key.written) in error.schema.get("properties", ()):
+            example = "indent it further, as a key of the element above"
+        if error.keyword == "not":
+            reason = error.schema["description"]
+            return "misplaced-key", f"{named} does not fit its type: {reason}", "remove it, or change the type"
+        if error.keyword == "uniqueItems":
+            return "repeated-value", f"{_description(node)} occurs twice in {named}", "remove one of them"
+        if error.keyword in ("minItems", "maxItems", "minLength", "minProperties"):
+            message = f"{named} must be {title}, not {_description(node)}" if error.data else f"{named} is empty"
+            return "wrong-length", message, example
+        allowed = allowed_words(error.schema)
+        if allowed and isinstance(error.data, str):
+            near, _ = self._intended_word(error.path, error.data, allowed)
+            choices = [word for word in allowed if word in title.split()] or allowed
+            help_text = f"did you mean '{near}'?" if near else f"allowed: {', '.join(choices)}"
+            return "unknown-value", f"{named} cannot be {shown(error.data)}", help_text
+        if isinstance(node, ScalarNode) and not node.text:
+            return "wrong-type", f"{named} has no value; it must be {title}", example
+        return (
+            "wrong-type",
+            f"{named} must be {title}, not {_description(node)}",
+            _other_form(error, node, title) or example,
+        )
+
+    def _trapped(self, error: Error) -> bool:
+        """Report the trap for conditions that an error stems from; return whether there is one."""
+        node = self._node(error.path)
+        holder = self._node(error.path[:-1])
+        if isinstance(holder, MappingNode) and error.path[-1] in self._torn(holder):
+            return True
+        trap = self._trap_of(error.path, node, _CONDITIONS[error.schema["$anchor"]])
+        if trap is None:
+            return False
+        origin = self._subject.origin
+        path = self._subject.part(*error.path)
+        fix = trap_fix(trap, origin.of(node))
+        self._findings.add(trap.rule, trap.message, origin.of(node), help=trap.help, path=path, fix=fix)
+        return True
+
+    def _trap_of(self, path: tuple[str | int, ...], node: YamlNode, wanted: str) -> Trap | None:
+        written = self._subject.origin.written(node)
+        if isinstance(node, ScalarNode):
+            if wanted != "condition" or node.data is None:
+                return None
+            holder, index = self._node(path[:-1]), path[-1]
+            if isinstance(holder, SequenceNode) and isinstance(index, int) and index > 0:
+                number = self._subject.origin.source.text[holder.items[index - 1].start : node.end]
+                if _TORN_NUMBER.search(number):
+                    return torn_number(number)
+            return read_as_literal(node.text, f"a {_kind(node.data)}", str(path[0]))
+        if written.startswith(("{", "[")):
+            return None
+        if isinstance(node, SequenceNode):
+            return read_as_list(written)
+        return torn_condition(written) if wanted == "condition" else torn_expectation(written)
+
+    def _torn(self, mapping: MappingNode) -> set[str]:
+        """Return the keys of a mapping in braces that a comma split off a condition; report each split once."""
+        torn: dict[str, ScalarNode] = {}
+        begun: ScalarNode | None = None
+        opened = Openings("")
+        for key, (key_node, value) in mapping.entries.items() if mapping.flow else ():
+            text = value.text if isinstance(value, ScalarNode) else ""
+            if begun is None:
+                opened = Openings(text)
+                begun = value if opened.are_left and isinstance(value, ScalarNode) else None
+                continue
+            torn[key] = key_node
+            opened.read(f", {key_node.text}")
+            if not opened.are_left:
+                self._report_tear(begun, max(key_node.end, value.end))
+                begun = None
+        if begun is not None:
+            return set()
+        for key_node in torn.values():
+            key_node.reported = True
+        return set(torn)
+
+    def _report_tear(self, first: ScalarNode, end: int) -> None:
+        place = self._subject.origin.place(first.start, end)
+        trap = torn_at_comma(self._subject.origin.source.text[first.start : end])
+        if not first.reported:
+            fix = trap_fix(trap, place)
+            self._findings.add(trap.rule, trap.message, place, help=trap.help, path=self._subject.part(), fix=fix)
+        first.reported = True
+
+
+def _long_form(key: str, candidates: Iterable[str]) -> str | None:
+    """Return the only candidate of which a key is a short form, such as `params` for `parameters`."""
+    matches = [other for other in candidates if len(key) > _SHORT and other.startswith(key.removesuffix("s"))]
+    return matches[0] if len(matches) == 1 else None
+
+
+def _lists_without_brackets(
+    mapping: MappingNode, explained: Set[str], known: Mapping[str, Any]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield keys whose values continue as keys without values, with these keys: `source: a, b` in braces."""
+    owner, more = "", list[str]()
+    for key, (_, value) in (*mapping.entries.items(), ("", (None, None))) if mapping.flow else ():
+        if key and key not in explained and isinstance(value, ScalarNode) and value.data is None:
+            more.append(key)
+            continue
+        if more and "a list of" in resolved(known.get(owner, {})).get("title", ""):
+            yield owner, more
+        owner, more = key, []
+
+
+def _other_form(error: Error, node: YamlNode, title: str) -> str | None:
+    """Return the help for a value of the wrong form, if its meaning is clear."""
+    if title == "a condition" and isinstance(node, SequenceNode):
+        alone = isinstance(error.path[-1], str)
+        return f"{'write one' if alone else 'write each as an item of its own'}, or join them with 'and' or 'or'"
+    if title == "a type" and isinstance(node, SequenceNode):
+        return f"write 'type: enum' and 'values: {_literal(error.data)}'"
+    if not isinstance(node, ScalarNode) or not isinstance(node.data, (str, int, float)):
+        return None
+    if title.startswith("a duration"):
+        return duration_help(node.text, "forever" if "forever" in title else "finite")
+    if not title.startswith("a list of ") or title.endswith("numbers"):
+        return None
+    if node.text.startswith("-"):
+        return "write a blank after the '-' of each item"
+    is_on_one_line = node.style is not Style.PLAIN or node.end - node.start == len(node.text)
+    items = _ITEMS.fullmatch(node.text) if is_on_one_line else None
+    return (
+        "begin each item with '- ' on a line of its own" if items is None else f"write '{error.path[-1]}: [{items[1]}]'"
+    )
+
+
+def _second(items: Sequence[object]) -> int:
+    """Return the index of the first item that repeats an earlier one."""
+    seen: set[str] = set()
+    for index, item in enumerate(items):
+        written = f"{type(item).__name__} {item}"
+        if written in seen:
+            return index
+        seen.add(written)
+    return 0
+
+
+def _example(key: str | int, schema_here: dict[str, Any]) -> str:
+    example = _literal(schema_here["examples"][0]) if "examples" in schema_here else "..."
+    return f"'{example}'" if isinstance(key, int) else f"'{key}: {example}'"
+
+
+def _literal(value: object) -> str:
+    """Return a value as YAML on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_literal(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_literal, value)) + "]"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _description(node: YamlNode) -> str:
+    """Return a description of a node for messages."""
+    if isinstance(node, MappingNode):
+        return "a mapping" if node.entries else "an empty mapping"
+    if isinstance(node, SequenceNode):
+        return f"a list of {len(node.items)}" if len(node.items) != 0 else "an empty list"
+    if isinstance(node.data, str):
+        return f"the text {shown(node.text)}" if node.text else "an empty text"
+    return f"the {_kind(node.data)} {shown(node.text)}" if node.text else "nothing"
+
+
+def _kind(data: object) -> str:
+    if isinstance(data, bool):
+        return "truth value"
+    return "empty value" if data is None else "number"

@@ -1,0 +1,158 @@
+"""Load a complete spec: its file, its parts and its uses, as one value."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from codra_dsl.collector import paused_collector
+from codra_dsl.language.diagnostics import Diagnostic, has_errors, in_file_order, once_per_template
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.calls import Declared, check_calls
+from codra_dsl.language.load.derived import with_derived
+from codra_dsl.language.load.elements.elements import Elements
+from codra_dsl.language.load.instantiation import Uses
+from codra_dsl.language.load.parts import Parts
+from codra_dsl.language.load.posed import with_posed
+from codra_dsl.language.load.schema.document import SECTIONS, Document, read_document, take_section
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.names import MAX_NAME, is_identifier
+from codra_dsl.language.load.yaml.nodes import ScalarNode
+from codra_dsl.language.load.yaml.origin import Origin
+from codra_dsl.language.load.yaml.reader import entries
+from codra_dsl.language.load.yaml.source import AS_ON_DISK, Source, accept, decode, read
+from codra_dsl.language.model import AnyName, Spec
+
+STANDARD_INPUT = "-"
+
+Loaded = tuple[Spec | None, tuple[Diagnostic, ...]]
+"""A spec and its findings, in file order; the spec is None if it could not be read sensibly."""
+
+
+@paused_collector()
+def load_spec(path: Path, root: Path, texts: Mapping[str, bytes] = AS_ON_DISK) -> Loaded:
+    """Return the spec in a file, with its parts.
+
+    `root` is the project's folder: findings name files relative to it, and parts must be inside it. `texts` has the
+    content of files, by such names, that are not read from disk.
+
+    Raises:
+        ValueError: if the file is not in the project.
+    """
+    findings = Findings()
+    return _loaded(read(path, _relative(path, root), findings, texts), path, root, findings, texts)
+
+
+@paused_collector()
+def load_text(text: str | bytes, file: str, root: Path) -> Loaded:
+    """Return the spec in a text, with its parts; findings name the text `file`, `-` for standard input.
+
+    `root` is the project's folder, to which the parts of `-` are relative.
+    """
+    findings = Findings()
+    source = decode(text, file, findings) if isinstance(text, bytes) else accept(text, file, findings)
+    return _loaded(source, root / (file if file != STANDARD_INPUT else "standard input"), root, findings)
+
+
+def _relative(path: Path, root: Path) -> str:
+    try:
+        return Path(os.path.normpath(path.absolute())).relative_to(os.path.normpath(root.absolute())).as_posix()
+    except ValueError:
+        return path.resolve().relative_to(root.resolve()).as_posix()
+
+
+def _loaded(
+    source: Source | None, path: Path, root: Path, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK
+) -> Loaded:
+    document = None if source is None else read_document(source, findings)
+    if document is None:
+        return None, _in_order(findings)
+    name = document.name
+    if name is None and not document.may_be_named:
+        help_text = "give the path of the spec that includes it, or add a 'name'"
+        message = f"{shown(document.origin.source.file)} is a part: it has no 'name'"
+        findings.add("part-without-spec", message, document.origin.of(document.subject.key), help=help_text)
+    parts = Parts(root, findings, texts)
+    parts.read_all(document, path.resolve())
+    spec = _spec(document, name, parts, root, findings)
+    return spec, _in_order(findings)
+
+
+def _in_order(findings: Findings) -> tuple[Diagnostic, ...]:
+    return in_file_order(once_per_template(findings.all()))
+
+
+def _spec(document: Document, name: ScalarNode | None, parts: Parts, root: Path, findings: Findings) -> Spec | None:
+    lost = frozenset[str]().union(*(part.lost for part in parts.documents))
+    elements = Elements(findings)
+    uses = Uses(findings, blind=bool(lost) or not parts.complete)
+    modules = _modules(parts.documents)
+    uses.declare(parts.documents)
+    for part in parts.documents:
+        origin = Origin(part.origin.source, module=modules[part.origin.source.file])
+        for section in SECTIONS:
+            elements.add(section, take_section(part.root, section), origin)  # so that its nodes are freed
+    uses.make(parts.documents, modules, elements)
+    uses.try_unused()
+    elements.report_comments()
+    if name is None:
+        return None
+    modules_read = check_calls(elements.built["perception"].values(), _declared(elements), root, findings)
+    damaged = _damaged(elements, lost if uses.complete and parts.complete else frozenset(SECTIONS))
+    if has_errors(findings.all()):
+        damaged["spec"] = frozenset({name.text})
+    built = {section: tuple(elements_by_name.values()) for section, elements_by_name in elements.built.items()}
+    spec = Spec(
+        name=name.text,
+        place=document.origin.of(name),
+        file=document.origin.source.file,
+        files=tuple(part.origin.source.file for part in parts.documents),
+        modules=modules_read,
+        **built,
+        uses=tuple(uses.made),
+        templates=tuple(uses.declared()),
+        origins=elements.origins,
+        damaged=damaged,
+        damaged_keys=elements.damaged_keys,
+    )
+    return with_posed(with_derived(spec, findings))
+
+
+def _declared(elements: Elements) -> Declared:
+    resources, context = (frozenset(elements.built[section]) for section in ("resources", "context"))
+    return Declared(resources, context, elements.damaged_keys)
+
+
+def _damaged(elements: Elements, lost: Iterable[str]) -> dict[str, frozenset[str]]:
+    lost_all = frozenset(lost)
+    return {kind: AnyName(names) if kind in lost_all else frozenset(names) for kind, names in elements.damaged.items()}
+
+
+def _modules(documents: Iterable[Document]) -> dict[str, str]:
+    """Return the module of each use, by instance, and of each file, by path.
+
+    They are identifiers, unique without regard to case. A use has its own name; a file has that of its stem, or of
+    its path if the stem is taken.
+    """
+    modules: dict[str, str] = {}
+    taken: set[str] = set()
+    for document in documents:
+        for key, _ in entries(document.section("use")):
+            modules.setdefault(key.text, key.text)
+            taken.add(key.text.casefold())
+    for document in documents:
+        path = Path(document.origin.source.file).with_suffix("")
+        wanted = [_identifier(path.name), _identifier("_".join(path.parts))]
+        numbered = (f"{wanted[0]}_{number}" for number in range(2, len(taken) + 3))
+        free = next(module for module in (*wanted, *numbered) if module.casefold() not in taken)
+        modules[document.origin.source.file] = free
+        taken.add(free.casefold())
+    return modules
+
+
+def _identifier(text: str) -> str:
+    """Return a file's name as an identifier; standard input is named `standard input`."""
+    name = re.sub(r"[^A-Za-z0-9]+", "_", text).strip("_")[:MAX_NAME] or "spec"
+    return name if is_identifier(name) else f"spec_{name}"[:MAX_NAME]

@@ -1,0 +1,121 @@
+"""The arguments of one use of a template: the value of each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from codra_dsl.language.diagnostics import Related, replacing, surely_means
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.schema import sound
+from codra_dsl.language.load.templates.substitution import Bound, bind, example
+from codra_dsl.language.load.templates.templates import EXAMPLES, INSTANCE, Parameter, ParameterKind, Template, fits
+from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode
+from codra_dsl.language.load.yaml.origin import Subject
+from codra_dsl.language.load.yaml.reader import entries, is_unread
+
+
+@dataclass(frozen=True, slots=True)
+class Arguments:
+    """The value of each parameter; examples replace wrong or missing values, so that names can still be determined."""
+
+    bound: Mapping[str, Bound]
+    right: bool
+
+
+def read_arguments(subject: Subject, node: YamlNode, template: Template, findings: Findings) -> Arguments:
+    """Return the arguments of a use; report those that are missing, unknown or of the wrong type."""
+    given = {key.text: (key, value) for key, value in entries(node) if key.text != "template"}
+    right = sound("template_use", node.data)
+    corrected: set[str] = set()
+    needed = [
+        name for name, declared in template.parameters.items() if name not in template.unused and _is_needed(declared)
+    ]
+    missing = [name for name in needed if name not in given]
+    unknown = [name for name in given if name not in template.parameters or name == INSTANCE]
+    for name in unknown:
+        right = False
+        if name in template.undeclared:
+            continue
+        if not template.is_open or name == INSTANCE:
+            only = missing[0] if len(missing) == len(unknown) == 1 else None
+            corrected.add(_report_unknown(subject, given[name][0], template, given, findings, missing=only))
+    bound = {INSTANCE: Bound(ParameterKind.IDENTIFIER, subject.name, subject.name)}
+    for name, parameter in template.parameters.items():
+        if name == INSTANCE:
+            continue
+        if name in given:
+            key, value = given[name]
+            if isinstance(value, ScalarNode) and _is_right(subject, key, value, parameter, findings):
+                bound[name] = bind(parameter, value)
+                continue
+        elif name in missing and name not in corrected and not is_unread(node):
+            _report_missing(subject, name, parameter, template, findings)
+        bound[name] = replace(example(parameter), known=True) if name in template.unused else example(parameter)
+    return Arguments(bound, right and all(argument.known for argument in bound.values()))
+
+
+def _is_needed(parameter: Parameter) -> bool:
+    """Return whether every use must give a parameter."""
+    return parameter.default is None and not parameter.key.reported and parameter.key.text != INSTANCE
+
+
+def _is_right(subject: Subject, key: ScalarNode, value: ScalarNode, parameter: Parameter, findings: Findings) -> bool:
+    """Report an argument that does not have its parameter's type."""
+    if value.reported or parameter.key.reported or value.data is None:
+        return False
+    if fits(parameter.kind, value):
+        return True
+    message = f"{shown(key.text)} in {subject} must be of type {parameter.kind.value}, not {shown(value.text)}"
+    findings.add(
+        "ill-typed-argument",
+        message,
+        subject.origin.of_value(key, value),
+        help=f"write {EXAMPLES[parameter.kind][0]}",
+        path=subject.part(key.text),
+        related=[Related("declared here", parameter.place)],
+    )
+    return False
+
+
+def _report_unknown(
+    subject: Subject,
+    key: ScalarNode,
+    template: Template,
+    given: Mapping[str, object],
+    findings: Findings,
+    *,
+    missing: str | None,
+) -> str:
+    """Report an argument for which the template has no parameter; return the parameter that is probably meant.
+
+    `missing` is the only missing parameter, if this argument is the only unknown one.
+    """
+    known = [name for name in template.parameters if name != INSTANCE]
+    near = findings.nearest(key.text, (name for name in known if name not in given))
+    if key.text == INSTANCE:
+        help_text = "remove it: $(instance) is the name of the use"
+    elif near:
+        help_text = f"did you mean '{near}'?"
+    elif missing is not None:
+        help_text = f"did you mean '{missing}', which is missing?"
+    else:
+        help_text = f"its parameters are {listed(known)}" if known else "it has none"
+    message = f"template {shown(template.name)} has no parameter {shown(key.text)}"
+    place, path = subject.origin.of(key), subject.part(key.text)
+    safe = near is not None and near in template.used and surely_means(key.text, near, known)
+    fix = replacing(place, key.text, near, safe=safe) if near else None
+    findings.add("unknown-argument", message, place, help=help_text, path=path, fix=fix)
+    return near or missing or ""
+
+
+def _report_missing(subject: Subject, name: str, parameter: Parameter, template: Template, findings: Findings) -> None:
+    findings.add(
+        "missing-argument",
+        f"{shown(name)} is missing in {subject}: template {shown(template.name)} needs it",
+        subject.origin.of(subject.key),
+        help=f"add '{name}: ...' with {EXAMPLES[parameter.kind][0]}",
+        path=subject.part(name),
+        related=[Related("declared here", parameter.place)],
+    )

@@ -1,0 +1,209 @@
+"""The mentions of parameters in a template, and corrections of their punctuation and names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.language.diagnostics import Fix, Place, Related, replacing, surely_means
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema.misspelt import NO_WORDS, misspelt_declarations
+from codra_dsl.language.load.yaml.findings import Findings, listed
+from codra_dsl.language.load.yaml.nodes import MappingNode, ScalarNode, scalars
+from codra_dsl.language.load.yaml.origin import Origin, Subject
+from codra_dsl.language.load.yaml.reader import entries
+from codra_dsl.language.load.yaml.source_offsets import letters_of
+from codra_dsl.language.model import Letters
+
+MAX_PARAMETER_REPAIRS = 20
+"""The maximum number of parameters in one text that are repaired."""
+
+PARAMETER = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+
+_SPACED = re.compile(r"\$\((?:\s+(?P<name>[A-Za-z][A-Za-z0-9_]*)\s*|(?P<other>[A-Za-z][A-Za-z0-9_]*)\s+)\)")
+_UNCLOSED = re.compile(r"\$\((?P<name>[A-Za-z][A-Za-z0-9_]*)(?![A-Za-z0-9_)])")
+_UNOPENED = re.compile(r"(?<![\w(])\$?(?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+_OTHER_SIGN = re.compile(r"\$\{\s*(?P<braced>\w+)\s*\}|\{\{\s*(?P<twice>\w+)\s*\}\}|\$(?P<bare>[A-Za-z]\w*)(?!\w*\))")
+_WITHOUT_SIGN = re.compile(r"^\((?P<name>[A-Za-z][A-Za-z0-9_]*)\)")
+
+
+@dataclass(frozen=True, slots=True)
+class RepairedParameter:
+    """A text with a parameter whose punctuation was repaired.
+
+    Attributes:
+        start: with `end` its range in the original text.
+        parameter: the repaired parameter, `$(name)`.
+    """
+
+    text: str
+    start: int
+    end: int
+    parameter: str
+    message: str
+
+
+def repair_parameter(text: str, names: Collection[str]) -> RepairedParameter | None:
+    """Return a text with its first damaged parameter repaired.
+
+    Damaged parameters are `$( door )`, `$(door`, `door)`, `$door)`, `(door)`, and the syntax of other languages,
+    `$door`, `${door}` and `{{ door }}`.
+    """
+    other = _OTHER_SIGN.search(text)
+    begun = _begun(next(filter(None, other.groups())), names) if other is not None else ""
+    if other is not None and (begun in other.groups() or (begun and other["bare"])):
+        end = other.start("bare") + len(begun) if other["bare"] else other.end()
+        return _repaired(text, other.start(), end, begun, f"{shown(text[other.start() : end])} is not a parameter")
+    spaced = _SPACED.search(text)
+    if spaced is not None:
+        return _repaired(
+            text, *spaced.span(), spaced["name"] or spaced["other"], f"blanks are not allowed in {shown(spaced[0])}"
+        )
+    unclosed = _UNCLOSED.search(text)
+    if unclosed is not None:
+        name = _begun(unclosed["name"], names)
+        if not name:
+            return None
+        end = unclosed.start("name") + len(name)
+        return _repaired(text, unclosed.start(), end, name, f"')' is missing after '$({name}'")
+    unopened = _UNOPENED.search(text)
+    if unopened is not None and unopened["name"] in names and text.count("(") < text.count(")"):
+        message = f"'$(' is missing before {shown(unopened['name'] + ')')}"
+        return _repaired(text, *unopened.span(), unopened["name"], message)
+    bare = _WITHOUT_SIGN.match(text)
+    if bare is not None and bare["name"] in names:
+        return _repaired(text, *bare.span(), bare["name"], f"'$' is missing before {shown(bare[0])}")
+    return None
+
+
+def _begun(word: str, names: Iterable[str]) -> str:
+    """Return the longest of some names that a word equals or begins with; an empty text if there is none."""
+    beginnings = (name for name in names if word.startswith(name) and word[len(name) : len(name) + 1] in ("", "_"))
+    return max(beginnings, key=len, default="")
+
+
+def _repaired(text: str, start: int, end: int, name: str, message: str) -> RepairedParameter:
+    parameter = f"$({name})"
+    return RepairedParameter(text[:start] + parameter + text[end:], start, end, parameter, message)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mention:
+    """A mention of a parameter; `path` leads to the element around it."""
+
+    place: Place
+    written: str
+    path: str
+
+
+class ParameterResolver:
+    """Resolves the parameters that a template mentions and does not declare.
+
+    Attributes:
+        corrections: for an unknown parameter the one that is meant.
+        renamed: for a parameter with a misspelt declaration the correct name.
+        strange: names that cannot be resolved.
+        undeclared: names that uses give and the template mentions, but does not declare.
+    """
+
+    def __init__(self, subject: Subject, origin: Origin, sections: Mapping[str, MappingNode]) -> None:
+        self.corrections: dict[str, str] = {}
+        self.renamed: dict[str, str] = {}
+        self.undeclared: set[str] = set()
+        self.strange: set[str] = set()
+        self._given: frozenset[str] = frozenset()
+        self._subject = subject
+        self._mentions: dict[str, list[_Mention]] = {}
+        for name, mention in _mentions(origin, sections):
+            self._mentions.setdefault(name, []).append(mention)
+
+    @property
+    def named(self) -> frozenset[str]:
+        """Return the names of all parameters that the template mentions, corrected."""
+        return frozenset(self.corrections.get(name, name) for name in self._mentions)
+
+    def resolve(
+        self, declared: Mapping[str, Place], given: Iterable[str], findings: Findings, *, is_open: bool
+    ) -> None:
+        """Report each unknown parameter once, where the mistake is.
+
+        Args:
+            declared: the parameters, with the places of those that may be misspelt.
+            given: the names of all arguments in all uses.
+            findings: the list to which findings are added.
+            is_open: whether some parameter has an unreadable name, which unknown ones may mean.
+        """
+        unknown = {name: mentions for name, mentions in self._mentions.items() if name not in declared}
+        if not unknown:
+            return
+        arguments = list(given)
+        unused = [name for name in declared if name not in self._mentions and name not in arguments]
+        self._given = frozenset(arguments)
+        uses = {name: len(mentions) + arguments.count(name) for name, mentions in unknown.items()}
+        blamed = misspelt_declarations(uses, unused, declared, NO_WORDS, findings.nearest)
+        for name, mentions in unknown.items():
+            if name in blamed:
+                self.renamed[blamed[name]] = name
+                self._report_declaration(blamed[name], declared[blamed[name]], name, mentions, findings)
+            else:
+                self._report_uses(name, mentions, declared, findings, is_open=is_open)
+
+    def _report_declaration(
+        self, declared: str, place: Place, name: str, mentions: list[_Mention], findings: Findings
+    ) -> None:
+        message = f"the parameter {shown(declared)} of {self._subject} is never used, and {shown(name)} is not declared"
+        path = self._subject.part("parameters", declared)
+        related = [Related(f"{shown(name)} is used here", mention.place) for mention in mentions]
+        fix = replacing(place, declared, name, safe=False)
+        findings.add(
+            "unknown-parameter", message, place, help=f"did you mean '{name}'?", path=path, related=related, fix=fix
+        )
+
+    def _report_uses(
+        self, name: str, mentions: list[_Mention], declared: Mapping[str, Place], findings: Findings, *, is_open: bool
+    ) -> None:
+        near = None if name in self._given else findings.nearest(name, declared)
+        if near is not None:
+            self.corrections[name] = near
+        elif is_open:
+            return
+        if near is None:
+            (self.undeclared if name in self._given else self.strange).add(name)
+        first, *others = mentions
+        known = f"declare '{name}' under 'parameters'" if name in self._given else f"parameters are {listed(declared)}"
+        help_text = f"did you mean '{near}'?" if near else known
+        message = f"unknown parameter {shown(name)} in {self._subject}"
+        related = [Related("also here", mention.place) for mention in others]
+        fix = None if near is None or others else self._renaming(first, name, near, declared)
+        findings.add(
+            "unknown-parameter", message, first.place, help=help_text, path=first.path, related=related, fix=fix
+        )
+
+    def _renaming(self, mention: _Mention, name: str, near: str, declared: Iterable[str]) -> Fix | None:
+        """Return the fix of a misspelt parameter, if it is in the file letter by letter."""
+        span = mention.place.span
+        if span.line != span.end_line or span.end_column - span.column != len(mention.written):
+            return None
+        safe = near in self._mentions and surely_means(name, near, declared)
+        return replacing(mention.place, mention.written, f"$({near})", safe=safe)
+
+
+def _mentions(origin: Origin, sections: Mapping[str, MappingNode]) -> Iterator[tuple[str, _Mention]]:
+    for section, elements in sections.items():
+        for key, node in entries(elements):
+            path = Subject(section, key, origin).path
+            for scalar in (scalar for part in (key, node) for scalar in scalars(part, _holds_parameter)):
+                place = _placing(origin, scalar)
+                for match in PARAMETER.finditer(scalar.text):
+                    yield match["name"], _Mention(place(*match.span()), match[0], path)
+
+
+def _holds_parameter(scalar: ScalarNode) -> bool:
+    return "$(" in scalar.text and not scalar.reported
+
+
+def _placing(origin: Origin, scalar: ScalarNode) -> Callable[[int, int], Place]:
+    """Return a function from ranges of a scalar's text to their places."""
+    letters = Letters(origin.place, letters_of(scalar, origin.source.text))
+    return lambda start, end: letters.place(start, end) or origin.of(scalar)

@@ -1,0 +1,67 @@
+"""The findings of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from codra_dsl.language.diagnostics import Diagnostic, Fix, Place, Related, suggest
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.yaml.rules import RULES
+
+MAX_SUGGESTIONS = 200
+"""The maximum number of searches for similar names: they cost time, which a hostile file must not multiply."""
+
+MAX_LISTED = 12
+"""The maximum number of names in a message."""
+
+
+class Findings:
+    """An append-only list of findings, with a limit on the number of suggestions."""
+
+    def __init__(self) -> None:
+        self._findings: list[Diagnostic] = []
+        self._suggestions_left = MAX_SUGGESTIONS
+
+    def __len__(self) -> int:
+        """Return how many findings there are."""
+        return len(self._findings)
+
+    def add(
+        self,
+        rule: str,
+        message: str,
+        place: Place,
+        *,
+        help: str = "",
+        path: str = "",
+        related: Iterable[Related] = (),
+        fix: Fix | None = None,
+    ) -> None:
+        """Report one finding of a rule of `RULES`."""
+        self._findings.append(
+            Diagnostic(
+                rule=RULES[rule], message=message, place=place, path=path, help=help, related=tuple(related), fix=fix
+            )
+        )
+
+    def extend(self, other: Findings) -> None:
+        """Append the findings of another list."""
+        self._findings.extend(other.all())
+
+    def all(self) -> tuple[Diagnostic, ...]:
+        """Return the findings in the order in which they were added."""
+        return tuple(self._findings)
+
+    def nearest(self, name: str, candidates: Iterable[str]) -> str | None:
+        """Return the candidate that a name most likely means; None once all suggestions are used up."""
+        if self._suggestions_left == 0:
+            return None
+        self._suggestions_left -= 1
+        return suggest(name, candidates)
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return names for a message, the first MAX_LISTED of them."""
+    several = list(names)
+    more = f", and {len(several) - MAX_LISTED} more" if len(several) > MAX_LISTED else ""
+    return ", ".join(map(shown, several[:MAX_LISTED])) + more

@@ -1,0 +1,98 @@
+"""Fixes: words in place of misspelt ones, and edits that remove or move text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from codra_dsl.language.diagnostics import Applicability, Edit, Fix, Place, surely_means
+from codra_dsl.language.expression import Node, parse
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.nodes import MappingNode, SequenceNode
+from codra_dsl.language.load.yaml.origin import Origin
+from codra_dsl.language.load.yaml.source import Source
+from codra_dsl.language.load.yaml.traps import Trap
+
+_OTHER_NAMES = {
+    "boolean": "bool",
+    "integer": "int",
+    "number": "float",
+    "double": "float",
+    "real": "float",
+    "string": "str",
+    "text": "str",
+    "enumeration": "enum",
+}
+_SURE_NAMES = frozenset({"boolean", "integer", "string", "enumeration"})
+"""Type names of other languages that correspond to exactly one of ours."""
+
+_TRUTHS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+_ONLY_SEPARATORS = re.compile(r"[\s,]*")
+_BULLET = re.compile(r"[ \t]*-[ \t]+")
+
+
+def truth_value_of(text: str) -> str | None:
+    """Return `true` or `false` for a word that was a truth value in YAML 1.1; None for any other."""
+    return _TRUTHS.get(text.casefold())
+
+
+def suggest_word(word: str, allowed: Sequence[str], findings: Findings) -> tuple[str | None, bool]:
+    """Return the allowed word that another word probably means, and whether that is certain."""
+    other = _OTHER_NAMES.get(word.casefold())
+    if other in allowed:
+        return other, word.casefold() in _SURE_NAMES
+    near = findings.nearest(word, allowed)
+    return near, near is not None and surely_means(word, near, allowed)
+
+
+def without_item(several: SequenceNode, index: int, origin: Origin) -> Fix | None:
+    """Return the fix that removes an item, not the first, from a list; None if that would remove a comment.
+
+    Also None for a use of a template: in another use, the item may be a different one.
+    """
+    if origin.use is not None:
+        return None
+    source, item, before = origin.source, several.items[index], several.items[index - 1]
+    if several.flow:
+        start, end = before.end, item.end
+        alone = _ONLY_SEPARATORS.fullmatch(source.text, start, item.start)
+    else:
+        first, last = source.span(item.start, item.end).line, source.span(item.start, item.end).end_line
+        start = source.line_starts[first - 1]
+        end = source.line_starts[last] if last < len(source.line_starts) else len(source.text)
+        is_only_item = not source.text[item.end : end].strip()
+        alone = _BULLET.fullmatch(source.text, start, item.start) if is_only_item else None
+    if alone is None:
+        return None
+    edit = Edit(source.span(start, end), "")
+    return Fix(message="Remove the duplicate", edits=(edit,), applicability=Applicability.SAFE)
+
+
+def trap_fix(trap: Trap, place: Place) -> Fix | None:
+    """Return the fix of a trap for conditions; None if its result would not be a condition."""
+    span = place.span
+    fits = place.use is None and span.line == span.end_line and trap.replacement != ""
+    if not fits or not isinstance(parse(trap.condition), Node):
+        return None
+    return Fix(
+        message=f"Write {trap.replacement}", edits=(Edit(span, trap.replacement),), applicability=Applicability.SAFE
+    )
+
+
+def version_fix(root: MappingNode, source: Source) -> Fix | None:
+    """Return the fix that puts `codra: 1` before all other keys; None if that changes more than its line."""
+    first = next(iter(root.entries.values()))[0]
+    top = source.span(first.start, first.start)
+    if root.flow or top.column != 1:
+        return None
+    insertion = Edit(top, "codra: 1\n")
+    if "codra" not in root.entries:
+        return Fix(message="Insert 'codra: 1'", edits=(insertion,), applicability=Applicability.SAFE)
+    key = root.entries["codra"][0]
+    line = source.span(key.start, key.start).line
+    start, end = source.line_starts[line - 1], source.line_end(key.start)
+    after = source.line_starts[line] if line < len(source.line_starts) else end
+    if source.text[start:end].strip() != "codra: 1":
+        return None
+    removal = Edit(source.span(start, after), "")
+    return Fix(message="Move 'codra: 1' to the top", edits=(insertion, removal), applicability=Applicability.SAFE)

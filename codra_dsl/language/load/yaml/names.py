@@ -1,0 +1,69 @@
+"""The names that a spec may declare."""
+
+from __future__ import annotations
+
+import keyword
+import re
+
+from codra_dsl.language.expression import FUNCTIONS
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.yaml.findings import Findings
+from codra_dsl.language.load.yaml.nodes import ScalarNode
+from codra_dsl.language.load.yaml.origin import Subject
+
+MAX_NAME = 100
+"""The maximum length of a name, which becomes part of file names."""
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_LITERALS = frozenset({"true", "false", "null"})
+_RESERVED = frozenset({*keyword.kwlist, *FUNCTIONS, *_LITERALS})
+_OTHER_PARAMETER = re.compile(r"\$\{(\w+)\}|\$(\w+)|\{\{\s*(\w+)\s*\}\}")
+
+
+def is_identifier(name: str) -> bool:
+    """Return whether a spec may declare a name."""
+    return _IDENTIFIER.fullmatch(name) is not None and len(name) <= MAX_NAME and not _is_reserved(name)
+
+
+def check_name(node: ScalarNode, bearer: Subject | str, subject: Subject, findings: Findings, *steps: str) -> bool:
+    """Report an invalid name; return whether it is valid.
+
+    `bearer` is the element with the name, or the noun of a part of `subject`; `steps` lead from `subject` to it.
+    """
+    name = node.text
+    if node.reported or is_identifier(name):
+        return not node.reported
+    full_name = f"{bearer} of {subject}" if isinstance(bearer, str) else str(bearer)
+    place, path = subject.origin.of(node), subject.part(*steps)
+    if _is_reserved(name):
+        message = f"{full_name} has a reserved name"
+        findings.add("reserved-name", message, place, help=f"{_reserved_for(name)}; choose another", path=path)
+        return False
+    message = f"{full_name} has an invalid name" if name else "a name is empty"
+    help_text = _help(node.written)
+    if help_text.startswith("write") and node is subject.key and subject.section == "context":
+        help_text += "; write the name for people under 'label'"
+    findings.add("ill-formed-name", message, place, help=help_text, path=path)
+    return False
+
+
+def _is_reserved(name: str) -> bool:
+    return name in _RESERVED
+
+
+def _reserved_for(name: str) -> str:
+    if name in FUNCTIONS:
+        return f"{shown(name)} is a function of the condition language"
+    return f"{shown(name)} is a literal" if name in _LITERALS else f"{shown(name)} is a Python keyword"
+
+
+def _help(name: str) -> str:
+    if len(name) > MAX_NAME and "$(" not in name:
+        return f"a name has at most {MAX_NAME} letters"
+    other = _OTHER_PARAMETER.search(name)
+    if other:
+        return f"parameters are written $({next(filter(None, other.groups()))}), and only inside a template"
+    better = re.sub(r"[^A-Za-z0-9_$()]+", "_", name).strip("_")
+    if name.isascii() and better != name and is_identifier(re.sub(r"\$\((\w+)\)", r"\1", better)):
+        return f"write {shown(better)}"
+    return "names hold only letters A to Z, digits and '_', and begin with a letter"

@@ -1,0 +1,147 @@
+"""A YAML document as nodes: its data as plain Python values, each with its position.
+
+Positions are offsets into the file's text in code points; `Source.span` converts them to lines and columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from enum import Enum
+from typing import NamedTuple
+
+Data = bool | int | float | str | None
+"""The value of a scalar."""
+
+Letters = tuple[tuple[int, int, int], ...]
+"""The positions of the letters of a text, as `codra_dsl.language.model.Letters.runs`."""
+
+
+class Style(Enum):
+    """The YAML style of a scalar."""
+
+    PLAIN = ""
+    SINGLE_QUOTED = "'"
+    DOUBLE_QUOTED = '"'
+    LITERAL = "|"
+    FOLDED = ">"
+
+
+class Filled(NamedTuple):
+    """The origin of a scalar with substituted parameters.
+
+    Attributes:
+        written: the template's text.
+        pieces: of the new text, each with the positions of its letters, counted from its own beginning.
+    """
+
+    written: str
+    pieces: tuple[tuple[str, Letters], ...]
+
+    def letters(self) -> Letters:
+        """Return the positions of the letters of the new text."""
+        runs: list[tuple[int, int, int]] = []
+        at = 0
+        for text, letters in self.pieces:
+            if text:
+                runs.extend((at + first, position, width) for first, position, width in letters)
+            at += len(text)
+        return tuple(runs)
+
+
+class ScalarNode:
+    """A text, number, truth value or empty value.
+
+    Attributes:
+        text: as written, without quotes, with parameters substituted.
+        data: its value in YAML 1.2's core schema.
+        reported: whether there is a finding about it already, so that no other must follow.
+        filled: its origin if parameters were substituted; None if it is in the file as it is.
+    """
+
+    __slots__ = ("data", "end", "filled", "reported", "start", "style", "text")
+
+    def __init__(self, text: str, data: Data, start: int, end: int, style: Style) -> None:
+        self.text = text
+        self.data = data
+        self.start = start
+        self.end = end
+        self.style = style
+        self.reported = False
+        self.filled: Filled | None = None
+
+    @property
+    def written(self) -> str:
+        """Return the text as written in the file, before the substitution of parameters."""
+        return self.text if self.filled is None else self.filled.written
+
+
+class SequenceNode:
+    """A list; `flow` is true if it is written in brackets."""
+
+    __slots__ = ("data", "end", "flow", "items", "reported", "start")
+
+    def __init__(self, start: int, end: int, *, flow: bool) -> None:
+        self.items: list[YamlNode] = []
+        self.data: list[object] = []
+        self.start = start
+        self.end = end
+        self.flow = flow
+        self.reported = False
+
+
+class MappingNode:
+    """A mapping. `entries` has key and value by the key's text; keys are always texts.
+
+    `unread` is true if it has an entry with an unreadable key, which has been reported.
+    """
+
+    __slots__ = ("data", "end", "entries", "flow", "reported", "start", "unread")
+
+    def __init__(self, start: int, end: int, *, flow: bool) -> None:
+        self.entries: dict[str, tuple[ScalarNode, YamlNode]] = {}
+        self.data: dict[str, object] = {}
+        self.start = start
+        self.end = end
+        self.flow = flow
+        self.reported = False
+        self.unread = False
+
+    def value(self, key: str) -> YamlNode | None:
+        """Return the value of a key, or None if the key is absent."""
+        entry = self.entries.get(key)
+        return None if entry is None else entry[1]
+
+    def take(self, key: str) -> YamlNode | None:
+        """Remove a key and return its value, or None if the key is absent."""
+        self.data.pop(key, None)
+        entry = self.entries.pop(key, None)
+        return None if entry is None else entry[1]
+
+    def put(self, key: ScalarNode, value: YamlNode) -> None:
+        """Add an entry; its key must be new."""
+        self.entries[key.text] = (key, value)
+        self.data[key.text] = value.data
+
+
+YamlNode = ScalarNode | SequenceNode | MappingNode
+
+
+def scalars(node: YamlNode, wanted: Callable[[ScalarNode], bool]) -> Iterator[ScalarNode]:
+    """Yield the scalars of a document for which `wanted` holds, keys included, in file order."""
+    waiting: list[YamlNode] = [node]
+    while waiting:
+        current = waiting.pop()
+        if isinstance(current, ScalarNode):
+            if wanted(current):
+                yield current
+        elif isinstance(current, SequenceNode):
+            waiting.extend(reversed(current.items))
+        else:
+            waiting.extend(part for entry in reversed(current.entries.values()) for part in reversed(entry))
+
+
+def visible_range(key: ScalarNode, value: YamlNode) -> tuple[int, int]:
+    """Return the range to underline for a value: its own if it is short, else that of its key."""
+    if value.end > value.start and (isinstance(value, ScalarNode) or value.flow):
+        return value.start, value.end
+    return key.start, key.end

@@ -1,0 +1,117 @@
+"""The origin of an element, and its name in findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from codra_dsl.language.diagnostics import Place, Span, late_place
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.yaml.nodes import ScalarNode, YamlNode, visible_range
+from codra_dsl.language.load.yaml.source import Source
+
+NOUNS = {
+    "context": "context-variable",
+    "perception": "perception algorithm",
+    "skills": "skill",
+    "observers": "observer",
+    "resources": "resource",
+    "agents": "agent",
+    "types": "type",
+    "nodes": "node",
+    "edges": "edge",
+    "tasks": "task",
+    "metrics": "metric",
+    "actions": "action",
+    "adaptation": "adaptation",
+    "trees": "tree",
+    "loops": "loop",
+    "templates": "template",
+    "use": "use",
+}
+"""The noun for an entry of each section."""
+
+
+_UNDER_KNOWLEDGE = frozenset({"types", "nodes", "edges", "tasks"})
+_LISTED_SEPARATELY = frozenset({"returns", "identifies", "attributes", "rules"})
+
+
+def damaged_key(steps: Sequence[str | int]) -> str:
+    """Return the entry in `Spec.damaged_keys` for a path within an element: KEY, or KEY.NAME for an entry.
+
+    Entries of `returns`, `identifies`, `attributes` and `rules` are listed one by one: a damaged entry does not affect
+    the others.
+    """
+    is_separate = len(steps) > 1 and steps[0] in _LISTED_SEPARATELY and isinstance(steps[1], str)
+    return ".".join(map(str, steps[:2] if is_separate else steps[:1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A file, or one use of a template in it.
+
+    Attributes:
+        use: the span of the name of the use; None outside templates.
+        template: the template's name; empty outside templates.
+        module: the generated module of the elements.
+    """
+
+    source: Source
+    use: Span | None = None
+    template: str = ""
+    module: str = ""
+
+    def place(self, start: int, end: int) -> Place:
+        """Return the place of a range of the file's text."""
+        return late_place(self.source, start, end, self.use)
+
+    def of(self, node: YamlNode) -> Place:
+        """Return the place of a node."""
+        return late_place(self.source, node.start, node.end, self.use)
+
+    def of_value(self, key: ScalarNode, value: YamlNode) -> Place:
+        """Return the place of a value, or of its key if the value is long."""
+        return self.place(*visible_range(key, value))
+
+    def written(self, node: YamlNode) -> str:
+        """Return a node as written in the file."""
+        return self.source.text[node.start : node.end]
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """The element that a finding is about.
+
+    Attributes:
+        section: its section, or `spec` or `part` for a complete file.
+        key: its name in the file, which is the place of findings about missing keys.
+        origin: its file or use.
+    """
+
+    section: str
+    key: ScalarNode
+    origin: Origin
+
+    @property
+    def name(self) -> str:
+        """Return the name, with parameters substituted."""
+        return self.key.text
+
+    @property
+    def path(self) -> str:
+        """Return its path in the spec: sections and names joined by dots."""
+        if self.section in ("spec", "part"):
+            return ""
+        around = f"templates.{self.origin.template}." if self.origin.template else ""
+        group = "knowledge." if self.section in _UNDER_KNOWLEDGE else ""
+        return f"{around}{group}{self.section}.{self.key.written}"
+
+    def part(self, *steps: str | int) -> str:
+        """Return the path of a part of it."""
+        return ".".join([*filter(None, [self.path]), *map(str, steps)])
+
+    def __str__(self) -> str:
+        """Return noun and name for messages: `skill 'open_door'`; in a template, with its parameters."""
+        if self.section == "part":
+            return "this part"
+        return f"{NOUNS.get(self.section, self.section)} {shown(self.key.written)}"

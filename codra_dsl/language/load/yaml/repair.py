@@ -1,0 +1,275 @@
+"""Missing punctuation: find the missing letter, report it once, and read the file as if it were there.
+
+This module recognises mistakes that make a file unreadable, or change its shape, far from where they are: a missing
+':' after a key, ',' between entries, bracket, or key before its ':'.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+
+from codra_dsl.language.expression.tokens import shown
+from codra_dsl.language.load.schema_file import schema
+from codra_dsl.language.load.yaml.parser_error import LOOK_AROUND, ParserError, Problem, end_of_line, line_start
+from codra_dsl.language.load.yaml.traps import Openings
+
+NO_KEY = "\ue000"
+"""Placeholder for a missing key."""
+
+_NAME = r"[A-Za-z_$][\w$()]*"
+_KEY_AND_BRACKET = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME})[ \t]+(?P<value>[{{\[])")
+_KEY_AND_MORE = re.compile(
+    rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}|\"[^\"]+\"|'[^']+')(?:[ \t]+(?P<value>[^\s:=<>!#].*))?$"
+)
+_KEY_AND_VALUE = re.compile(rf"[ \t]*(?:-[ \t]+)?(?P<key>{_NAME}):[^\s:/].*$")
+_WORDS = re.compile(rf"(?P<key>{_NAME})[ \t]+(?P<value>\S.*)", re.DOTALL)
+_NAME_BEFORE = re.compile(rf"(?P<key>{_NAME})[ \t]*$")
+_TWO_ENTRIES = re.compile(rf"(?:^|[{{,]|:[ \t])[ \t]*(?P<value>[^{{}},:]*?[^{{}},:\s])[ \t]+(?P<key>{_NAME})[ \t]*$")
+_NEXT_ENTRY = re.compile(rf"{_NAME}[ \t]*:[ \t]")
+_BLOCK_BEGINS = re.compile(rf"[ \t]*(?:-[ \t]+\S|(?:-[ \t]+)?(?:{_NAME}|\"[^\"]*\"|'[^']*'):(?:[ \t]|$))")
+_VALUE_OF_ONE_WORD = re.compile(r"[\w$().%°/*^+-]+|-?[0-9.]+[ \t]+[\w/*^%°]+")
+_FREE_TEXTS = re.compile(r"(?:label|description|title)[ \t]*:[^,:]*$")
+_NOT_A_VALUE = frozenset({"not", "and", "or", "in", "if", "else"})
+_LONGEST_ENTRY = 300
+"""The maximum length of two entries without a ',' between them."""
+
+_CLOSERS = {"{": "}", "[": "]"}
+
+
+def colon_between(key: str) -> int | None:
+    """Return the offset at which a ':' is missing in a key without a value; None for another mistake."""
+    words = _WORDS.fullmatch(key)
+    if words is None or words["value"][0] in "=<>!+*/%" or Openings(key).are_left or words["key"] in _NOT_A_VALUE:
+        return None
+    return words.end("key") if words["value"].split()[0] not in _NOT_A_VALUE else None
+
+
+def colon_before_bracket(key: str) -> int | None:
+    """Return the offset at which a ':' is missing in a key that contains a bracket."""
+    match = _KEY_AND_BRACKET.match(key)
+    return None if match is None else match.end("key")
+
+
+def missing_colon(text: str, start: int, at: int) -> Problem:
+    """Return the problem of a missing ':' after the key between two offsets."""
+    key = text[start:at]
+    more = bool(text[at : end_of_line(text, at)].strip())
+    help_text = f"write '{key}: ...'" if more else f"write '{key}:'"
+    return _missing(":", f"a ':' is missing after {shown(key)}", help_text, start=start, end=at, at=at)
+
+
+def _missing(letter: str, message: str, help_text: str, *, start: int, end: int, at: int) -> Problem:
+    return Problem("yaml-syntax", message, help_text, start, end, repair=(at, letter))
+
+
+def _colon_before_bracket(complaint: ParserError) -> Problem | None:
+    """Recognise `door {type: bool, valid_for: 5 s}`, in a block and within braces."""
+    text = complaint.text
+    if not complaint.in_brackets and "mapping values" in complaint.problem:
+        start = line_start(text, complaint.at)
+        match = _KEY_AND_BRACKET.match(text, start, end_of_line(text, start))
+        return None if match is None else missing_colon(text, match.start("key"), match.end("key"))
+    if complaint.letter in ("{", "[") and complaint.in_brackets:
+        before = complaint.before()
+        key = _NAME_BEFORE.search(before)
+        if key is not None and before[: key.start()].rstrip()[-1:] in ("{", ","):
+            first = complaint.at - len(before)
+            return missing_colon(text, first + key.start("key"), first + key.end("key"))
+    return None
+
+
+def _colon_after_key(complaint: ParserError) -> Problem | None:
+    """Recognise a line in a block with a key and no ':'; the parser stops only at a later line."""
+    text, at = complaint.text, complaint.at
+    if complaint.in_brackets:
+        return None
+    if "simple key" in complaint.context:
+        start = line_start(text, complaint.begun)
+    elif "mapping values" in complaint.problem and not re.search(r":[ \t]", complaint.before()):
+        start = _first_of_lines_without_colon(text, at)
+    elif "document start" in complaint.problem:
+        first = re.search(r"^[^\s#]", text, re.MULTILINE)
+        start = at if first is None else first.start()
+    else:
+        return None
+    if start >= line_start(text, at):
+        return None
+    end = end_of_line(text, start)
+    glued = _KEY_AND_VALUE.match(text, start, end)
+    if glued is not None:
+        return missing_blank(text, *glued.span("key"), end)
+    match = _KEY_AND_MORE.match(text, start, end)
+    if match is not None and match["key"] in _NOT_A_VALUE:
+        message, help_text = (
+            f"{shown(match['key'])} cannot begin a key",
+            "indent the line so that it continues the one above",
+        )
+        return Problem("yaml-syntax", message, help_text, *match.span("key"))
+    return None if match is None else missing_colon(text, match.start("key"), match.end("key"))
+
+
+def colon_without_blank(key: str) -> int | None:
+    """Return the offset of the ':' without a blank in a key without a value."""
+    glued = _KEY_AND_VALUE.fullmatch(key)
+    return None if glued is None or not is_known_key(glued["key"]) else glued.end("key")
+
+
+def missing_blank(text: str, start: int, at: int, end: int) -> Problem:
+    """Return the problem of a missing blank between the ':' of a key and its value."""
+    key = text[start : at + 1]
+    message, help_text = f"a blank is missing after {shown(key)}", f"write {shown(f'{key} {text[at + 1 : end]}')}"
+    return _missing(" ", message, help_text, start=start, end=at + 1, at=at + 1)
+
+
+def _first_of_lines_without_colon(text: str, at: int) -> int:
+    """Return the beginning of the first of the lines without a key that lead to the one at `at`."""
+    start = line_start(text, at)
+    while start > 0 and at - start < LOOK_AROUND:
+        above = line_start(text, start - 1)
+        line = text[above : end_of_line(text, above)]
+        if not line.strip() or re.search(r":(?:\s|$)|^\s*#", line):
+            break
+        start = above
+    return start
+
+
+def _comma_between_entries(complaint: ParserError) -> Problem | None:
+    """Recognise `{type: bool source: arm}`, and `{label: "Door" type: bool}`."""
+    if not complaint.in_brackets or "expected ','" not in complaint.problem:
+        return None
+    before = complaint.before()[-_LONGEST_ENTRY:]
+    first = complaint.at - len(before)
+    if complaint.letter == ":":
+        two = _TWO_ENTRIES.search(before)
+        if two is None or not _are_entries(before[: two.start("key")], two["value"], two["key"]):
+            return None
+        return _missing_comma(complaint, first + two.end("value"), two["key"])
+    ends = before.rstrip()
+    if ends[-1:] in ("'", '"', "}", "]") and complaint.letter not in ("", "}", "]"):
+        key = _NEXT_ENTRY.match(complaint.text, complaint.at)
+        again = complaint.letter in ("{", "[", ends[-1]) and ends[-1] not in "}]"
+        if key is not None or again or (complaint.letter in "{[" and ends[-1] in "}]"):
+            word = key[0].rstrip(": \t") if key is not None else complaint.letter
+            return _missing_comma(complaint, first + len(ends), word)
+    return None
+
+
+def _are_entries(before: str, value: str, key: str) -> bool:
+    """Return whether two words before a ':' are a value and the next key, rather than a text that contains a ':'."""
+    if key in _known_keys():
+        return True
+    is_word = _VALUE_OF_ONE_WORD.fullmatch(value) is not None and value not in _NOT_A_VALUE
+    return is_word and _FREE_TEXTS.search(before) is None
+
+
+def is_known_key(word: str) -> bool:
+    """Return whether a word is a key anywhere in the schema."""
+    return word in _known_keys()
+
+
+@cache
+def _known_keys() -> frozenset[str]:
+    """Return all keys of the schema."""
+    parts = (schema(), *schema()["$defs"].values())
+    return frozenset(key for part in parts for key in part.get("properties", ()))
+
+
+def _missing_comma(complaint: ParserError, at: int, key: str) -> Problem:
+    start = complaint.text.index(key, at)
+    message = f"a ',' is missing before {shown(key)}"
+    return _missing(",", message, "put ',' between entries", start=start, end=start + len(key), at=at)
+
+
+def _opening_brace(complaint: ParserError) -> Problem | None:
+    """Recognise `door: type: bool, valid_for: 5 s}`, in a block and within braces."""
+    text, before = complaint.text, complaint.before()
+    if complaint.letter != ":" or not (complaint.in_brackets or "mapping values" in complaint.problem):
+        return None
+    key = next(reversed(list(re.finditer(r":[ \t]+(?=\S)", before))), None)
+    start = line_start(text, complaint.at)
+    if key is None or _unclosed(text[start : end_of_line(text, start)]) != "!}":
+        return None
+    at = complaint.at - len(before) + key.end()
+    message = f"a '{{' is missing before {shown(before[key.end() :].strip())}"
+    return _missing("{", message, "put it where the mapping begins", start=at, end=complaint.at, at=at)
+
+
+def _closing_bracket(complaint: ParserError) -> Problem | None:
+    """Recognise a line that opens more brackets than it closes, while the next ones are keys of a block."""
+    text, begun = complaint.text, complaint.begun
+    if not complaint.in_brackets or complaint.letter in ("{", "["):
+        return None
+    start = line_start(text, begun)
+    end = end_of_line(text, begun)
+    closers = _unclosed(text[start:end])
+    lines = text[end : end + LOOK_AROUND].splitlines()[1:]
+    following = next((line for line in lines if line.strip() and line.strip()[0] != "#"), None)
+    is_finished = following is None or (_BLOCK_BEGINS.match(following) is not None and "!" not in _unclosed(following))
+    if not is_finished or not closers or "!" in closers or complaint.at <= end:
+        return None
+    bracket = text[begun]
+    message, help_text = f"the {shown(bracket)} here is never closed", f"add {shown(_CLOSERS[bracket])} where it ends"
+    if "{" in text[begun + 1 : end]:  # then it may end before the last entry
+        return Problem("yaml-syntax", message, help_text, begun, begun + 1)
+    return _missing(closers, message, help_text, start=begun, end=begun + 1, at=end)
+
+
+def _unclosed(line: str) -> str:
+    """Return the closing brackets that a line lacks; '!' with a closing bracket that it does not open."""
+    if len(line) > LOOK_AROUND:
+        return "!"
+    opened: list[str] = []
+    quote = ""
+    for before, letter in zip(" " + line, line, strict=False):
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'" and before in " \t[{,:":
+            quote = letter
+        elif letter in _CLOSERS:
+            opened.append(_CLOSERS[letter])
+        elif letter in "]}" and opened[-1:] != [letter]:
+            return f"!{letter}"
+        elif letter in "]}":
+            opened.pop()
+    return "".join(reversed(opened)) if not quote else "!"
+
+
+def _closing_quote(complaint: ParserError) -> Problem | None:
+    """Recognise a quote that is not closed on its line, so that the next quote far below closes it."""
+    text, at = complaint.text, complaint.at
+    quote = text[at - 1 : at]
+    if quote not in ("'", '"'):
+        return None
+    start = text.rfind(quote, 0, at - 1)
+    if start < 0 or "\n" not in text[start:at] or text[start - 1 : start].strip(" \t\n[{"):
+        return None
+    end = end_of_line(text, start)
+    message, help_text = "the quote that is opened here is not closed on its line", "close it with the same quote"
+    before = text[line_start(text, start) : start]
+    if not before.strip() or _unclosed(before) or quote in text[start + 1 : end]:
+        return Problem("yaml-syntax", message, help_text, start, start + 1)
+    return _missing(quote, message, help_text, start=start, end=start + 1, at=end)
+
+
+def _key_before_colon(complaint: ParserError) -> Problem | None:
+    """Recognise `{: bool}`, and a line that begins with ':'."""
+    if complaint.letter != ":" or complaint.text[complaint.at + 1 : complaint.at + 2].strip():
+        return None
+    if complaint.before().rstrip()[-1:] not in ("", "{", ",", "-"):
+        return None
+    at = complaint.at
+    return _missing(NO_KEY, "a key is missing before ':'", "write 'key: value'", start=at, end=at + 1, at=at)
+
+
+PUNCTUATION_MISTAKES: tuple[Callable[[ParserError], Problem | None], ...] = (
+    _closing_quote,
+    _key_before_colon,
+    _colon_before_bracket,
+    _comma_between_entries,
+    _opening_brace,
+    _closing_bracket,
+    _colon_after_key,
+)
+"""The functions that recognise the mistakes, in order."""

@@ -1,0 +1,139 @@
+"""Bytes -> text with line numbers. Refuses unreadable text before the YAML parser sees it."""
+
+from __future__ import annotations
+
+import re
+import stat
+from bisect import bisect_right
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from types import MappingProxyType
+
+from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.language.load.yaml.findings import Findings
+
+MAX_BYTES = 32 * 1024 * 1024
+"""The maximum size of a file."""
+
+_BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
+_REFUSED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff\ud800-\udfff]")
+_WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The text of one file.
+
+    Attributes:
+        file: relative to the project root, with `/`; `-` for standard input.
+        line_starts: the offset of each line's first character, in code points.
+    """
+
+    file: str
+    text: str = field(repr=False)
+    line_starts: tuple[int, ...] = field(repr=False)
+
+    def span(self, start: int, end: int) -> Span:
+        """Return the span of a range of the text."""
+        starts = self.line_starts
+        line = bisect_right(starts, start)
+        if line == len(starts) or end <= starts[line]:
+            begin = starts[line - 1]
+            return Span(self.file, line, start - begin + 1, line, end - begin + 1)
+        last = bisect_right(starts, end)
+        return Span(self.file, line, start - starts[line - 1] + 1, last, end - starts[last - 1] + 1)
+
+    def place(self, start: int, end: int) -> Place:
+        """Return the place of a range of the text, outside every template."""
+        return Place(self.span(start, end))
+
+    def line_end(self, offset: int) -> int:
+        """Return the offset of the line break after an offset, or of the text's end."""
+        line = bisect_right(self.line_starts, offset)
+        end = self.line_starts[line] if line < len(self.line_starts) else len(self.text)
+        while end > offset and self.text[end - 1] in "\r\n":
+            end -= 1
+        return end
+
+
+def file_place(file: str) -> Place:
+    """Return the place of a complete file: its beginning."""
+    return Place(Span(file, 1, 1, 1, 1))
+
+
+AS_ON_DISK: Mapping[str, bytes] = MappingProxyType({})
+"""No files with content that differs from the disk."""
+
+
+def read(path: Path, file: str, findings: Findings, texts: Mapping[str, bytes] = AS_ON_DISK) -> Source | None:
+    """Return the text of a file, from `texts` if it is in there, or None if it cannot be read as text."""
+    if file in texts:
+        return decode(texts[file], file, findings)
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            findings.add("cannot-read", f"'{file}' is not a file", file_place(file), help="name a file or a folder")
+            return None
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no such path is possible"
+        findings.add(
+            "cannot-read",
+            f"cannot read '{file}': {reason}",
+            file_place(file),
+            help="check path and permissions",
+        )
+        return None
+    return decode(data, file, findings)
+
+
+def decode(data: bytes, file: str, findings: Findings) -> Source | None:
+    """Return bytes as text, or None if they are too many or not a text."""
+    if len(data) > MAX_BYTES:
+        message = f"'{file}' has more than {MAX_BYTES // 1024 // 1024} MiB"
+        findings.add("file-too-large", message, file_place(file), help="split it into parts, or use templates")
+        return None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        _report_encoding(data, error.start, file, findings)
+        return None
+    return accept(text, file, findings)
+
+
+def accept(text: str, file: str, findings: Findings) -> Source | None:
+    """Return a text as a source, or None if it contains characters that are not allowed in a spec."""
+    if text.startswith(_BYTE_ORDER_MARK):
+        message = "the file begins with a byte order mark"
+        findings.add("byte-order-mark", message, file_place(file), help="save it as UTF-8 without byte order mark")
+        text = text[1:]
+    source = Source(file, text, _line_starts(text))
+    refused = _REFUSED.search(text)
+    if refused is None:
+        return source
+    findings.add(
+        "control-character",
+        f"the character U+{ord(refused[0]):04X} is invisible and not allowed",
+        source.place(refused.start(), refused.end()),
+        help="remove it; in a text in double quotes, write an escape such as \\n",
+    )
+    return None
+
+
+def _line_starts(text: str) -> tuple[int, ...]:
+    if "\r" in text:
+        return (0, *(line_break.end() for line_break in re.finditer(r"\r\n|\r|\n", text)))
+    return (0, *accumulate(len(line) + 1 for line in text.split("\n")[:-1]))
+
+
+def _report_encoding(data: bytes, offset: int, file: str, findings: Findings) -> None:
+    before = data[:offset].decode("utf-8")
+    span = Source(file, before, _line_starts(before)).span(len(before), len(before))
+    place = Place(Span(file, span.line, span.column, span.line, span.column + 1))
+    if data.startswith(_WIDE_MARKS):
+        message = "the file is UTF-16 or UTF-32, not UTF-8"
+    else:
+        message = f"the byte 0x{data[offset]:02x} is not valid UTF-8"
+    findings.add("not-utf-8", message, place, help="save the file as UTF-8")

@@ -1,0 +1,72 @@
+"""The positions in the file of a scalar's letters, through quotes, escapes, folded lines and parameters."""
+
+from __future__ import annotations
+
+from codra_dsl.language.load.yaml.nodes import Letters, ScalarNode, Style
+
+_BLANKS = " \t\r\n"
+_ESCAPE_WIDTHS = {"x": 4, "u": 6, "U": 10}
+
+
+def letters_of(node: ScalarNode, text: str) -> Letters:
+    """Return the positions of a scalar's letters in its file's text; empty if they cannot be matched."""
+    if node.filled is not None:
+        return node.filled.letters()
+    if node.style is Style.PLAIN and node.end - node.start == len(node.text):
+        return ((0, node.start, 1),)
+    if node.style in (Style.SINGLE_QUOTED, Style.DOUBLE_QUOTED):
+        if node.end - node.start - 2 == len(node.text):
+            return ((0, node.start + 1, 1),)
+        return _aligned(node, text, node.start + 1, node.end - 1)
+    start = node.start if node.style is Style.PLAIN else text.find("\n", node.start, node.end) + 1
+    return _aligned(node, text, start, node.end)
+
+
+def cut(letters: Letters, start: int, end: int, offset: int) -> Letters:
+    """Return the positions of the letters [start, end) of a text, for another text that has them from `offset` on."""
+    runs: list[tuple[int, int, int]] = []
+    for index, (first, position, width) in enumerate(letters):
+        after = letters[index + 1][0] if index + 1 < len(letters) else end
+        begin = max(first, start)
+        if begin < min(after, end):
+            moved = position + begin - first if width == 1 else position
+            runs.append((begin - start + offset, moved, width))
+    return tuple(runs)
+
+
+def _aligned(node: ScalarNode, text: str, start: int, end: int) -> Letters:
+    """Match a scalar with its written form letter by letter; only blanks may differ."""
+    runs: list[tuple[int, int, int]] = []
+    at = start
+    for offset, letter in enumerate(node.text):
+        if letter in _BLANKS:
+            at = _past_blank(node, text, at, end)
+            continue
+        while at < end and (text[at] in _BLANKS or _is_line_continued(node, text, at)):
+            at += 1
+        width = _width(node, text, at)
+        if at >= end or (width == 1 and text[at] != letter):
+            return ()
+        if not runs or width != 1 or runs[-1][2] != 1 or runs[-1][1] + offset - runs[-1][0] != at:
+            runs.append((offset, at, width))
+        at += width
+    return tuple(runs)
+
+
+def _past_blank(node: ScalarNode, text: str, at: int, end: int) -> int:
+    if at < end and text[at] == "\\" and node.style is Style.DOUBLE_QUOTED and not _is_line_continued(node, text, at):
+        return at + _width(node, text, at)
+    return at + 1 if at < end and text[at] in " \t" else at
+
+
+def _is_line_continued(node: ScalarNode, text: str, at: int) -> bool:
+    return node.style is Style.DOUBLE_QUOTED and text[at : at + 1] == "\\" and text[at + 1 : at + 2] in ("\r", "\n")
+
+
+def _width(node: ScalarNode, text: str, at: int) -> int:
+    """Return the number of letters in the file for the scalar's letter that begins here."""
+    if node.style is Style.SINGLE_QUOTED:
+        return 2 if text[at : at + 2] == "''" else 1
+    if node.style is Style.DOUBLE_QUOTED and text[at : at + 1] == "\\":
+        return _ESCAPE_WIDTHS.get(text[at + 1 : at + 2], 2)
+    return 1

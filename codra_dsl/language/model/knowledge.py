@@ -1,0 +1,270 @@
+"""Knowledge and agents as a spec declares them: P2's Deep State Representation (P2, sections 3.1 to 3.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model.elements import FOREVER_S, Condition, Literal, Reference, ValueType
+
+CONTEXT_NODE = "context"
+"""The node of the context-variables that have no `of`."""
+
+POSES = "the knowledge graph"
+"""The source of the results of comparisons with poses; no agent can have this name."""
+
+TASK_TYPE = "task"
+"""The type of the nodes that tasks declare implicitly."""
+
+RT = "RT"
+"""The label of edges with rigid motions."""
+
+RESULT = "result"
+"""The attribute of a task that contains the result with which it finished."""
+
+TASK_ATTRIBUTES = ("request", "requester", RESULT, "reason")
+"""The attributes of every task; only the steps of its handshake write them."""
+
+
+class TaskState(StrEnum):
+    """The label of the edge of a task (P2, section 3.2); P2's `starts` is `wants`."""
+
+    WANTS = "wants"
+    IS = "is"
+    FINISHED = "finished"
+    ABORTED = "aborted"
+
+
+class Phase(StrEnum):
+    """The role of an agent in a loop (P2, Figure 4)."""
+
+    MONITOR = "monitor"
+    ANALYSE = "analyse"
+    PLAN = "plan"
+    EXECUTE = "execute"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Writer:
+    """An agent that may write something.
+
+    Attributes:
+        priority: while it is valid, the value of the writer with the higher priority wins; None if the spec states no
+            priority.
+    """
+
+    name: str
+    place: Place
+    priority: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attribute:
+    """A property of nodes of a type or of edges.
+
+    Attributes:
+        sources: who may write it, if it has a `source` of its own.
+    """
+
+    name: str
+    type: ValueType
+    place: Place
+    label: str = ""
+    sources: tuple[Writer, ...] = ()
+    valid_for_s: float = FOREVER_S
+    history: int = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """The field of view of a camera: a pyramid about its optical axis."""
+
+    horizontal_rad: float
+    vertical_rad: float
+    nearest_m: float = 0.0
+    farthest_m: float = math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeType:
+    """A type of nodes.
+
+    Attributes:
+        sources: who may insert and delete nodes of the type.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    label: str = ""
+    sources: tuple[Writer, ...] = ()
+    attributes: tuple[Attribute, ...] = ()
+    view: View | None = None
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartingValue:
+    """The initial value of an attribute; a number with a unit keeps the unit.
+
+    Attributes:
+        unit: as written; None if there is none.
+        place: of the value; `key` is the place of the attribute's name.
+    """
+
+    name: str
+    value: Literal
+    unit: str | None
+    place: Place
+    key: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeElement:
+    """A node that exists from the start.
+
+    Attributes:
+        values: of attributes, in file order.
+    """
+
+    name: str
+    place: Place
+    type: Reference
+    label: str = ""
+    values: tuple[StartingValue, ...] = ()
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """The declared properties of an edge with rigid motions; None selects the runtime's default."""
+
+    history_s: float | None = None
+    extrapolate_s: float | None = None
+    valid_for_s: float | None = None
+    is_static: bool = False
+
+    @property
+    def valid_s(self) -> float:
+        """Return how long the newest pose is valid; the pose of a static edge is valid forever."""
+        return math.inf if self.is_static or self.valid_for_s is None else self.valid_for_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartingPose:
+    """The initial pose of the target of an edge in its origin: rotated by roll, pitch, yaw, then translated.
+
+    Attributes:
+        translation_m: x, y, z.
+        rotation_rad: roll about x, then pitch about y, then yaw about z, about fixed axes.
+    """
+
+    translation_m: tuple[float, float, float]
+    rotation_rad: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeType:
+    """A type of edges: symbols, or rigid motions where its label is `RT`.
+
+    Attributes:
+        origins: types of nodes, or single nodes, at which an edge may begin; `targets` likewise.
+        sources: who may insert, change and delete such edges.
+        motion: the properties of its rigid motions, if it has them.
+        pose: the initial pose.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    label: str
+    origins: tuple[Reference, ...]
+    targets: tuple[Reference, ...]
+    sources: tuple[Writer, ...] = ()
+    attributes: tuple[Attribute, ...] = ()
+    motion: Motion | None = None
+    pose: StartingPose | None = None
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """A task: its node and the edge on which it is handed over (P2, section 3.2).
+
+    Attributes:
+        origin: the node that does it, at which the edge begins.
+        by: the agent that executes it.
+        requesters: agents that may request it.
+        acknowledge_s: how long a request may stay unacknowledged.
+        finish_s: how long an acknowledged request may take.
+        results: the results with which it can finish.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    label: str = ""
+    origin: Reference
+    by: Reference
+    requesters: tuple[Reference, ...]
+    results: tuple[Reference, ...]
+    acknowledge_s: float = FOREVER_S
+    finish_s: float = FOREVER_S
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgentRule:
+    """P2's triplet: the graph before, during and after an agent's action; unreadable conditions are left out.
+
+    Attributes:
+        is_whole: whether all its conditions could be read.
+    """
+
+    name: str
+    place: Place
+    before: tuple[Condition, ...] = ()
+    during: tuple[Condition, ...] = ()
+    after: tuple[Condition, ...] = ()
+    is_whole: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conduct:
+    """How an agent participates in knowledge.
+
+    Attributes:
+        wakes: each of these patterns alone wakes it; if there are none it is always active.
+        owns: what it may write besides the elements that name it as `source`.
+        reads: what it reads besides the names in its rules and `wakes`.
+        places: by key; also `name`.
+    """
+
+    label: str = ""
+    phase: Phase | None = None
+    wakes: tuple[Condition, ...] = ()
+    owns: tuple[Reference, ...] = ()
+    reads: tuple[Reference, ...] = ()
+    rules: tuple[AgentRule, ...] = ()
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether the spec declares none of these: then it is only an outside writer."""
+        return not (self.label or self.phase or self.wakes or self.owns or self.reads or self.rules)
+
+
+BARE = Conduct()
+"""The conduct of an agent that is only an outside writer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Agent:
+    """An outside writer, by name, and how it participates in knowledge."""
+
+    name: str
+    place: Place
+    conduct: Conduct = BARE

@@ -1,0 +1,192 @@
+"""MAPE-K loops as a spec declares them: metrics, actions, adaptations, trees and loops (P2, sections 3.3 and 5.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.fuzzy.words import Defuzzification, SNorm, TNorm
+from codra_dsl.language.model.elements import Condition, FuzzyTerm, Letters, Reference
+
+ANALYST = "analysis"
+"""The agent that writes rates, metrics and weights."""
+
+ADAPTER = "adaptation"
+"""The agent that writes courses and parameters."""
+
+
+def weight_name(action: str) -> str:
+    """Return the context-variable that holds the weight of an action."""
+    return f"weight_of_{action}"
+
+
+class Worse(StrEnum):
+    """The bad end of a metric."""
+
+    LOW = "low"
+    HIGH = "high"
+
+
+class Inference(StrEnum):
+    """How a number is inferred from rules."""
+
+    MAMDANI = "mamdani"
+    TAKAGI_SUGENO = "takagi_sugeno"
+
+
+class Repeat(StrEnum):
+    """When a tree starts again after its root has completed."""
+
+    ALWAYS = "always"
+    ON_SWITCH = "on_switch"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phrase:
+    """A fuzzy rule as written; it is parsed later, when its words are known.
+
+    Attributes:
+        letters: the positions of the letters of `text` in the file; None if text and file cannot be matched.
+    """
+
+    text: str
+    place: Place
+    letters: Letters | None = field(default=None, compare=False)
+
+    def place_between(self, start: int, end: int) -> Place:
+        """Return the place of a range of `text`, or of all of it if letters cannot be matched."""
+        part = self.letters.place(start, end) if self.letters is not None else None
+        return self.place if part is None else part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Method:
+    """The operators of fuzzy rules; a defuzzifier of None means the default of the inference."""
+
+    inference: Inference = Inference.MAMDANI
+    conjunction: TNorm = TNorm.MINIMUM
+    disjunction: SNorm = SNorm.MAXIMUM
+    implication: TNorm = TNorm.MINIMUM
+    aggregation: SNorm = SNorm.MAXIMUM
+    defuzzifier: Defuzzification | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """A metric, or an action with its weight: a number from 0 to 1 inferred from fuzzy rules.
+
+    Attributes:
+        worse: for a metric, the end that is assumed when an input is unknown.
+        terms: its own words; empty if it uses the default ones.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    label: str = ""
+    description: str = ""
+    worse: Worse = Worse.LOW
+    rules: tuple[Phrase, ...] = ()
+    terms: tuple[FuzzyTerm, ...] = ()
+    method: Method = Method()
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HardRule:
+    """A rule that makes an action the course while a condition holds."""
+
+    condition: Condition
+    action: Reference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Course:
+    """A choice among actions by their filtered weights; `lead` is a fraction from 0 to 1."""
+
+    choose: tuple[Reference, ...]
+    within: Reference
+    otherwise: Reference
+    smooth_s: float = 0.0
+    lead: float = 0.0
+    hold_s: float = 0.0
+    cooldown_s: float = 0.0
+    abort_s: float = 2.0
+    always: tuple[HardRule, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A context-variable that is set by a condition."""
+
+    variable: Reference
+    value: Condition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adaptation:
+    """A choice among actions, or a variable that is set.
+
+    Attributes:
+        dwell_s: the minimum time for which an action or a value is kept.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    does: Course | Parameter
+    label: str = ""
+    dwell_s: float = 0.0
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeafTasks:
+    """A leaf that the robot implements, and the tasks that it hands over."""
+
+    leaf: Reference
+    tasks: tuple[Reference, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TreeElement:
+    """A behaviour tree in a file.
+
+    Attributes:
+        file: relative to the spec file that names it.
+        agent: the agent that executes it; None if the spec names none.
+        course: for each action, the tree in the file that is its branch.
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    file: Reference
+    label: str = ""
+    agent: Reference | None = None
+    course: tuple[tuple[Reference, Reference], ...] = ()
+    leaves: tuple[LeafTasks, ...] = ()
+    period_s: float = 0.1
+    repeat: Repeat = Repeat.ALWAYS
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """The elements that are monitored, analysed, adapted and executed together.
+
+    Attributes:
+        places: by key; also `name`.
+    """
+
+    name: str
+    place: Place
+    label: str = ""
+    monitor: tuple[Reference, ...] = ()
+    analyse: tuple[Reference, ...] = ()
+    adapt: tuple[Reference, ...] = ()
+    execute: tuple[Reference, ...] = ()
+    period_s: float = 1.0
+    places: Mapping[str, Place] = field(default_factory=dict, compare=False, hash=False)

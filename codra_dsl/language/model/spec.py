@@ -1,0 +1,115 @@
+"""A complete spec, with its templates and their uses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from codra_dsl.language.diagnostics import Place
+from codra_dsl.language.model.elements import Algorithm, ObserverSetting, Reference, Resource, Skill, Variable
+from codra_dsl.language.model.knowledge import Agent, EdgeType, NodeElement, NodeType, Task
+from codra_dsl.language.model.mape import Adaptation, Loop, Output, TreeElement
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Use:
+    """One use of a template."""
+
+    instance: str
+    template: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeclaredTemplate:
+    """A template as declared, whether or not a `use` names it.
+
+    Attributes:
+        is_used: whether a `use` names it; also true if some uses could not be read.
+        parameters: references with the names of the declared parameters.
+        resources: the names under `uses` of its algorithms, as written, including parameters.
+        sources: the names under `source` of its context-variables, as written, including parameters.
+    """
+
+    name: str
+    place: Place
+    is_used: bool
+    parameters: tuple[Reference, ...] = ()
+    resources: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+
+class AnyName(frozenset[str]):
+    """The set of all names; iterating yields only the names that were read."""
+
+    __slots__ = ()
+
+    def __bool__(self) -> bool:
+        """Return True: some names are damaged, even if none of them could be read."""
+        return True
+
+    def __contains__(self, name: object) -> bool:
+        """Return True for any name: it may belong to a part that could not be read."""
+        return isinstance(name, str)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spec:
+    """A complete spec: one name, with its parts included and its templates instantiated.
+
+    Attributes:
+        file: of the spec itself, relative to the project root.
+        files: all files that belong to it: the spec's own first, then parts in the order of inclusion.
+        modules: the files of Python modules with which its calls were compared, including files that do not exist.
+        origins: for each element (`kind`, `name`) its generated module: named after the instance of the `use` that made
+            it, or after the stem of its file; an identifier, unique without regard to case.
+        damaged: names per kind (`context`, `perception`, ...) of elements that `load` could not read completely,
+            whether kept or left out; `AnyName` if a part or a use could not be read, because its names are unknown.
+            Under `spec` it has the spec's own name if `load` reported any error, so that a spec with an error is never
+            planned.
+        damaged_keys: for each damaged element (`kind`, `name`) that is kept, the keys that could not be read and have
+            their default; an entry of `returns` or `identifies` is listed as `returns.NAME`.
+    """
+
+    name: str
+    place: Place
+    file: str
+    files: tuple[str, ...]
+    modules: tuple[str, ...] = ()
+    context: tuple[Variable, ...] = ()
+    perception: tuple[Algorithm, ...] = ()
+    skills: tuple[Skill, ...] = ()
+    observers: tuple[ObserverSetting, ...] = ()
+    resources: tuple[Resource, ...] = ()
+    agents: tuple[Agent, ...] = ()
+    types: tuple[NodeType, ...] = ()
+    nodes: tuple[NodeElement, ...] = ()
+    edges: tuple[EdgeType, ...] = ()
+    tasks: tuple[Task, ...] = ()
+    metrics: tuple[Output, ...] = ()
+    actions: tuple[Output, ...] = ()
+    adaptation: tuple[Adaptation, ...] = ()
+    trees: tuple[TreeElement, ...] = ()
+    loops: tuple[Loop, ...] = ()
+    uses: tuple[Use, ...] = ()
+    templates: tuple[DeclaredTemplate, ...] = ()
+    origins: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False, hash=False)
+    damaged: Mapping[str, frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
+    damaged_keys: Mapping[tuple[str, str], frozenset[str]] = field(default_factory=dict, compare=False, hash=False)
+
+    @property
+    def adapts(self) -> bool:
+        """Whether it declares any element of MAPE-K loops."""
+        rates = any(variable.rate is not None for variable in self.context)
+        return bool(self.metrics or self.actions or self.adaptation or self.trees or self.loops or rates)
+
+    @property
+    def knows(self) -> bool:
+        """Whether it declares knowledge: then its context-variables are attributes of nodes."""
+        return bool(
+            self.types
+            or self.nodes
+            or self.edges
+            or self.tasks
+            or any(not agent.conduct.is_bare for agent in self.agents)
+        )

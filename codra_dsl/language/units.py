@@ -1,0 +1,317 @@
+"""Units of measurement: the known units, which of them can be compared, and the factors between them.
+
+Base units are m, s, kg, A, rad, lux and percent. Angles and percentages have dimensions of their own, so that a bare
+number is never mistaken for one. Factors are exact: `7 cm` is 70 mm, not 70.00000000000001.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import lru_cache
+
+from codra_dsl.language.diagnostics import suggest
+
+__all__ = [
+    "Dimension",
+    "Quantity",
+    "Unit",
+    "convert",
+    "parse_duration",
+    "parse_number",
+    "parse_quantity",
+    "parse_unit",
+]
+
+MAX_MAGNITUDE = 1e100
+"""Larger numbers are refused, so that no conversion between units can overflow."""
+
+MAX_UNIT_LENGTH = 40
+_BASES = ("m", "s", "kg", "A", "rad", "lux", "percent")
+
+UNIT_TEXT = r"(?:1/)?[A-Za-z]+(?:[*/][A-Za-z]+)*"
+"""The syntax of a unit: symbols joined by `*` and `/` without blanks, `1/s` for an inverse."""
+
+NUMBER_TEXT = r"(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?"
+"""The syntax of a number, without sign."""
+
+_QUANTITY = re.compile(rf"(-?)({NUMBER_TEXT})[ \t]*({UNIT_TEXT})")
+_UNIT = re.compile(UNIT_TEXT)
+_POWER = re.compile(r"(^|[*/])([A-Za-z]+)(?:\^|\*\*)?2$")
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """A dimension: the exponent of each base unit, in the order m, s, kg, A, rad, lux, percent."""
+
+    exponents: tuple[int, ...]
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        """Return the dimension of a product."""
+        return Dimension(tuple(mine + theirs for mine, theirs in zip(self.exponents, other.exponents, strict=True)))
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        """Return the dimension of a quotient."""
+        return Dimension(tuple(mine - theirs for mine, theirs in zip(self.exponents, other.exponents, strict=True)))
+
+    def __str__(self) -> str:
+        """Return the unit of this dimension without a factor, e.g. `m/s`; `1` for a bare number."""
+        powers = tuple(zip(_BASES, self.exponents, strict=True))
+        above = [base for base, power in powers for _ in range(power)]
+        below = [base for base, power in powers for _ in range(-power)]
+        return "/".join(["*".join(above) or "1", *below])
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit: one of it is `factor * (pi / 180) ** degrees` base units of its dimension.
+
+    Attributes:
+        factor: the rational part of the factor to the base unit.
+        degrees: the power of pi/180 in that factor; 1 for deg.
+        text: as written; ignored when units are compared.
+    """
+
+    dimension: Dimension
+    factor: Fraction = Fraction(1)
+    degrees: int = 0
+    text: str = field(default="", compare=False)
+
+    def __mul__(self, other: Unit) -> Unit:
+        """Return the unit of a product."""
+        return _named(self.dimension * other.dimension, self.factor * other.factor, self.degrees + other.degrees)
+
+    def __truediv__(self, other: Unit) -> Unit:
+        """Return the unit of a quotient."""
+        return _named(self.dimension / other.dimension, self.factor / other.factor, self.degrees - other.degrees)
+
+    def __str__(self) -> str:
+        """Return the unit as people write it."""
+        return self.text or str(self.dimension)
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with its unit, as written."""
+
+    value: int | float
+    unit: Unit
+
+    @property
+    def si(self) -> float:
+        """Return the value in base units (m, s, kg, A, rad, lux, percent)."""
+        return convert(self.value, self.unit, Unit(self.unit.dimension))
+
+
+def _base(symbol: str) -> Dimension:
+    return Dimension(tuple(int(base == symbol) for base in _BASES))
+
+
+ONE = Unit(Dimension((0,) * len(_BASES)), text="1")
+"""The unit of a bare number."""
+
+_METRE, _SECOND, _KILOGRAM, _AMPERE = _base("m"), _base("s"), _base("kg"), _base("A")
+_NEWTON = _KILOGRAM * _METRE / _SECOND / _SECOND
+_WATT = _NEWTON * _METRE / _SECOND
+
+UNITS: Mapping[str, Unit] = {
+    unit.text: unit
+    for unit in (
+        Unit(_METRE, text="m"),
+        Unit(_METRE, Fraction(1, 100), text="cm"),
+        Unit(_METRE, Fraction(1, 1000), text="mm"),
+        Unit(_METRE, Fraction(1000), text="km"),
+        Unit(_SECOND, text="s"),
+        Unit(_SECOND, Fraction(1, 1000), text="ms"),
+        Unit(_SECOND, Fraction(60), text="min"),
+        Unit(_SECOND, Fraction(3600), text="h"),
+        Unit(_base("rad"), text="rad"),
+        Unit(_base("rad"), degrees=1, text="deg"),
+        Unit(_KILOGRAM, text="kg"),
+        Unit(_KILOGRAM, Fraction(1, 1000), text="g"),
+        Unit(_NEWTON, text="N"),
+        Unit(_WATT / _AMPERE, text="V"),
+        Unit(_AMPERE, text="A"),
+        Unit(_WATT, text="W"),
+        Unit(_base("lux"), text="lux"),
+        Unit(_base("percent"), text="percent"),
+    )
+}
+"""All units by symbol; their products and quotients are units as well."""
+
+_OTHER_SPELLINGS: Mapping[str, str] = {
+    "%": "percent",
+    "pct": "percent",
+    "°": "deg",
+    "º": "deg",
+    "degree": "deg",
+    "radian": "rad",
+    "meter": "m",
+    "metre": "m",
+    "centimeter": "cm",
+    "centimetre": "cm",
+    "millimeter": "mm",
+    "millimetre": "mm",
+    "kilometer": "km",
+    "kilometre": "km",
+    "sec": "s",
+    "sek": "s",
+    "second": "s",
+    "msec": "ms",
+    "millisecond": "ms",
+    "minute": "min",
+    "hour": "h",
+    "hr": "h",
+    "hz": "1/s",
+    "gram": "g",
+    "kilo": "kg",
+    "kilogram": "kg",
+    "newton": "N",
+    "volt": "V",
+    "ampere": "A",
+    "amp": "A",
+    "watt": "W",
+    "lx": "lux",
+    "mps": "m/s",
+    "kmh": "km/h",
+    "kph": "km/h",
+}
+
+
+_FOREVER = frozenset({"forever", "inf", ".inf", "infinity", "never", "always", "infinite"})
+_OTHER_UNIT = re.compile(
+    r"(?:[kMGTdcmunpµh]|da)(?:[mgsNVAWKJlL]|rad|deg|lux|Hz|Pa|bar)|[dkMG]?[Bb]|[rp]pm|(?:deg|°)?[CFK]|Nm|lm"
+)
+"""Symbols of unsupported units: they are not misspellings of supported ones."""
+
+
+@lru_cache(maxsize=1024)
+def parse_unit(text: str) -> Unit | None:
+    """Return the unit of a text such as `mm`, `m/s`, `N*m` or `1/min`, or None if the text is not a unit."""
+    known = UNITS.get(text)
+    if known is not None or len(text) > MAX_UNIT_LENGTH or not _UNIT.fullmatch(text):
+        return known
+    unit = ONE
+    for operator, symbol in re.findall(r"(^|[*/])([A-Za-z]+)", text.removeprefix("1") if text[0] == "1" else text):
+        part = UNITS.get(symbol)
+        if part is None:
+            return None
+        unit = unit / part if operator == "/" else unit * part
+    return Unit(unit.dimension, unit.factor, unit.degrees, text)
+
+
+def suggest_unit(text: str) -> str | None:
+    """Return the unit that an invalid text most likely means, e.g. `deg` for `degrees`, or None."""
+    if len(text) > MAX_UNIT_LENGTH:
+        return None
+    pieces = re.split(r"([*/])", _POWER.sub(r"\1\2\1\2", "".join(text.split())))
+    nearest = [piece if piece in ("*", "/", "1") else _nearest(piece) for piece in pieces]
+    suggestion = "".join(piece for piece in nearest if piece is not None)
+    return suggestion if None not in nearest and suggestion != text and parse_unit(suggestion) is not None else None
+
+
+def units_help(text: str) -> str:
+    """Return the help for a text that is not a unit."""
+    near = suggest_unit(text)
+    known = f"units are {', '.join(UNITS)}, and their products and quotients; for anything else omit the unit"
+    return f"did you mean '{near}'?" if near else known
+
+
+@lru_cache(maxsize=1024)
+def parse_quantity(text: str) -> Quantity | None:
+    """Return the quantity of a text such as `-20 cm`, or None if the text is not a number with a unit."""
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        return None
+    unit, number = parse_unit(match[3]), parse_number(match[2])
+    if unit is None or number is None:
+        return None
+    return Quantity(-number if match[1] else number, unit)
+
+
+def parse_number(text: str) -> int | float | None:
+    """Return the number of a text: an int if it has no point and no exponent; None if it is too large."""
+    if re.fullmatch(r"[0-9]{1,101}", text):
+        number: int | float = int(text)
+    else:
+        number = float(text)
+    return number if number <= MAX_MAGNITUDE else None
+
+
+def parse_duration(text: str) -> float | None:
+    """Return the seconds of a duration such as `500 ms` or `forever`, or None if the text is not a duration.
+
+    The sign is not checked here: whether a duration may be zero or negative depends on its use.
+    """
+    if text == "forever":
+        return math.inf
+    quantity = parse_quantity(text)
+    return quantity.si if quantity is not None and quantity.unit.dimension == _SECOND else None
+
+
+def duration_help(text: str, most: str = "finite") -> str:
+    """Return the help for a text that is not a duration; `most` is "forever" if that is allowed, else "finite"."""
+    text = re.sub(r"(?<=[0-9]),(?=[0-9])", ".", text)
+    if parse_quantity(text) is not None:
+        return f"did you mean '{text}'?" if parse_duration(text) is not None else _durations(most)
+    number = re.match(rf"\s*({NUMBER_TEXT})\s*(.*)", text, re.DOTALL)
+    near = suggest_unit(number[2].rstrip()) if number else None
+    unit = parse_unit(near) if near else None
+    if number and unit and unit.dimension == _SECOND:
+        return f"did you mean '{number[1]} {near}'?"
+    if number and unit and (unit.dimension * _SECOND) == ONE.dimension and float(number[1]) > 0:
+        return f"a duration is a time: did you mean '{1 / (float(number[1]) * float(unit.factor)):g} s'?"
+    if number and not number[2]:
+        return f"a duration has a unit: '{number[1]} s', '{number[1]} ms', '{number[1]} min' or '{number[1]} h'"
+    if most == "forever" and text.strip().casefold() in _FOREVER:
+        return "did you mean 'forever'?"
+    return _durations(most)
+
+
+def _durations(most: str) -> str:
+    known = "a duration is a number with ms, s, min or h, such as '500 ms'"
+    return f"{known}, or 'forever'" if most == "forever" else known
+
+
+@lru_cache(maxsize=1024)
+def convert(value: int | float, source: Unit, target: Unit) -> float:
+    """Return a value in another unit of the same dimension, rounded once.
+
+    A float counts as the decimal number that it is written as, so that `0.3 cm` is exactly 3 mm.
+    """
+    exact = Fraction(repr(value)) * source.factor / target.factor
+    turns = source.degrees - target.degrees
+    if turns == 0:
+        return float(exact)
+    if abs(turns) == 1:
+        return math.radians(float(exact)) if turns == 1 else math.degrees(float(exact))
+    return float(exact) * (math.pi / 180) ** turns
+
+
+def ratio(source: Unit, target: Unit) -> float:
+    """Return how many of the target unit make one of the source unit."""
+    return convert(1, source, target)
+
+
+def _nearest(piece: str) -> str | None:
+    if piece in UNITS:
+        return piece
+    small = piece.casefold()
+    for spelling in (small, small.removesuffix("s")):
+        if spelling in _OTHER_SPELLINGS:
+            return _OTHER_SPELLINGS[spelling]
+    if _OTHER_UNIT.fullmatch(piece):
+        return None
+    if piece[1:] == piece[:-1] and piece[:1] in UNITS:  # a doubled letter
+        return piece[:1]
+    same = [symbol for symbol in UNITS if symbol.casefold() == small]
+    return same[0] if len(same) == 1 else suggest(piece, (symbol for symbol in UNITS if len(symbol) > 1))
+
+
+def _named(dimension: Dimension, factor: Fraction, degrees: int) -> Unit:
+    """Return a unit, with the name of the equal unit in `UNITS` if there is one."""
+    plain = Unit(dimension, factor, degrees, str(dimension) if factor == 1 and degrees == 0 else "")
+    return next((unit for unit in UNITS.values() if unit == plain), plain)

@@ -1,0 +1,92 @@
+"""What ticks a tree."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.behavior_trees.node import Leaves, Node, Pulse, TickContext
+from codra_dsl.runtime.behavior_trees.result import Result
+from codra_dsl.runtime.behavior_trees.scope import Scope
+from codra_dsl.runtime.clock import Clock
+
+MAX_PASSES = 10_000
+"""How often a tree is ticked within one `tick` at most: a loop without end must not stop the robot's program."""
+
+
+class Tree:
+    """A tree that can be ticked: its nodes, bound to entries, a clock and the robot's actions."""
+
+    def __init__(self, root: Node, *, leaves: Leaves, clock: Clock, scope: Scope | None = None) -> None:
+        """Bind all nodes.
+
+        Args:
+            root: of nodes that belong to no other tree.
+            leaves: gives each leaf its action.
+            clock: for delays, timeouts and sleeps.
+            scope: the entries of the tree; new ones, if None.
+
+        Raises:
+            TreeError: if the robot lacks an action.
+        """
+        self.root = root
+        self.scope = Scope() if scope is None else scope
+        self._clock = clock
+        self._pulse = Pulse()
+        root.bind(TickContext(scope=self.scope, clock=clock, leaves=leaves, pulse=self._pulse))
+
+    @property
+    def due_s(self) -> float | None:
+        """Return the earliest instant for which a node waits since the last tick, or None."""
+        return self._pulse.due_s
+
+    def tick_exactly_once(self) -> Result:
+        """Tick the root once (`tickExactlyOnce`)."""
+        self._pulse.visited.clear()
+        self._pulse.awake = False
+        self._pulse.due_s = None
+        try:
+            result = self.root.execute()
+        except BaseException:
+            self._halt_all()
+            raise
+        if result.is_completed:
+            self.root.reset()
+        return result
+
+    def tick(self) -> Result:
+        """Tick the root, and again as long as a node has only yielded between two of its steps (`tickOnce`)."""
+        result = self.tick_exactly_once()
+        passes = 1
+        while result is Result.RUNNING and self._pulse.awake and passes < MAX_PASSES:
+            result = self.tick_exactly_once()
+            passes += 1
+        return result
+
+    def run(self, period_s: float, *, timeout_s: float = float("inf")) -> Result:
+        """Tick until the tree does not run any more (`tickWhileRunning`): at each period, and when a node is due.
+
+        Args:
+            period_s: the time between two ticks.
+            timeout_s: halt the tree after this time, and return RUNNING.
+        """
+        end_s = self._clock.now_s() + timeout_s
+        result = self.tick()
+        while result is Result.RUNNING:
+            now_s = self._clock.now_s()
+            if now_s >= end_s:
+                self.halt()
+                break
+            due_s = now_s + period_s if self.due_s is None else min(now_s + period_s, self.due_s)
+            self._clock.sleep(max(0.0, min(due_s, end_s) - now_s))
+            result = self.tick()
+        return result
+
+    def halt(self) -> None:
+        """Halt the tree if it runs (`haltTree`)."""
+        self.root.reset()
+
+    def _halt_all(self) -> None:
+        """Halt whatever runs after an action or a script has failed in the midst of a tick."""
+        pending = [self.root]
+        while pending:
+            node = pending.pop()
+            node.reset()
+            pending.extend(reversed(node.nodes))

@@ -1,0 +1,274 @@
+"""Nodes without children: those that every tree has, and the robot's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Protocol
+
+from codra_dsl.runtime.behavior_trees.node import Assignment, Entry, Kind, Node, Script, Setting, TickContext
+from codra_dsl.runtime.behavior_trees.result import Result, TreeError
+from codra_dsl.runtime.behavior_trees.scope import Scope, is_true, number_in
+
+_S_PER_MS = 0.001
+
+
+def always_success() -> Kind:
+    """Succeed."""
+    return _At(lambda _: True)
+
+
+def always_failure() -> Kind:
+    """Fail."""
+    return _At(lambda _: False)
+
+
+def script_condition(condition: Script) -> Kind:
+    """Succeed where a condition holds, else fail."""
+    return _At(lambda node: is_true(condition(node.scope)))
+
+
+def unset_blackboard(key: str) -> Kind:
+    """Remove an entry."""
+
+    def unset(node: Node) -> bool:
+        node.scope.unset(key)
+        return True
+
+    return _At(unset)
+
+
+def set_blackboard(value: Setting, output_key: str) -> Kind:
+    """Write a text, or the value of another entry, into an entry."""
+
+    def write(node: Node) -> bool:
+        node.scope.create(output_key, node.read(value))
+        return True
+
+    return _At(write)
+
+
+def script(*statements: Assignment) -> Kind:
+    """Write entries."""
+
+    def run(node: Node) -> bool:
+        for statement in statements:
+            statement.run(node.scope)
+        return True
+
+    return _At(run)
+
+
+class _At(Kind):
+    """Completes at each tick."""
+
+    def __init__(self, succeeds: Callable[[Node], bool]) -> None:
+        self._succeeds = succeeds
+
+    def tick(self, node: Node) -> Result:
+        """Succeed or fail."""
+        return Result.SUCCESS if self._succeeds(node) else Result.FAILURE
+
+
+class WasEntryUpdated(Kind):
+    """Succeeds when an entry was written since it was last asked about, else fails."""
+
+    def __init__(self, entry: str) -> None:
+        self._entry = entry
+        self._seen = 0
+
+    def tick(self, node: Node) -> Result:
+        """Look at the entry."""
+        seen, self._seen = self._seen, node.scope.writes(self._entry)
+        return Result.FAILURE if self._seen == seen else Result.SUCCESS
+
+
+class Sleep(Kind):
+    """Runs for some time, then succeeds."""
+
+    def __init__(self, msec: Setting) -> None:
+        self._msec = msec
+        self._due_s: float | None = None
+
+    def tick(self, node: Node) -> Result:
+        """Wait."""
+        if self._due_s is None:
+            self._due_s = node.now_s + node.whole(self._msec) * _S_PER_MS
+        if node.now_s < self._due_s:
+            node.tick_context.pulse.wait_for(self._due_s)
+            return Result.RUNNING
+        self._due_s = None
+        return Result.SUCCESS
+
+    def halt(self, node: Node) -> None:  # noqa: ARG002
+        """Wait anew the next time."""
+        self._due_s = None
+
+
+# The robot's own
+
+
+class Ports:
+    """What a leaf of a robot reads and writes."""
+
+    def __init__(self, name: str, scope: Scope, inputs: Mapping[str, Setting], outputs: Mapping[str, Entry]) -> None:
+        self._name = name
+        self._scope = scope
+        self._inputs = inputs
+        self._outputs = outputs
+
+    def __contains__(self, port: str) -> bool:
+        return port in self._inputs
+
+    def value(self, port: str) -> Any:
+        """Return what an input is given: a text, or the value of its entry.
+
+        Raises:
+            TreeError: if it is given nothing, or its entry is not there.
+        """
+        if port not in self._inputs:
+            raise TreeError(f"{self._name!r} is given no input {port!r}: it has {_listed(self._inputs)}")
+        setting = self._inputs[port]
+        return self._scope.get(setting.key) if isinstance(setting, Entry) else setting
+
+    def text(self, port: str) -> str:
+        """Return an input as text."""
+        return str(self.value(port))
+
+    def number(self, port: str) -> float:
+        """Return an input as a number.
+
+        Raises:
+            TreeError: if it is none, and says none.
+        """
+        number = number_in(self.value(port))
+        if number is None:
+            raise TreeError(f"the port {port!r} of {self._name!r} needs a number, not {self.value(port)!r}")
+        return float(number)
+
+    def truth(self, port: str) -> bool:
+        """Return an input as a truth."""
+        return is_true(self.value(port))
+
+    def set(self, port: str, value: object) -> None:
+        """Write an output; one that no entry is given for is dropped.
+
+        Raises:
+            TreeError: if its entry has a value of another type.
+        """
+        if port in self._outputs:
+            self._scope.create(self._outputs[port].key, value)
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names)) or "none"
+
+
+class Action(Protocol):
+    """One activity of a robot, for one leaf of a tree."""
+
+    def start(self, ports: Ports) -> Result:
+        """Begin; return RUNNING, or what it came to at once."""
+        ...
+
+    def go_on(self, ports: Ports) -> Result:
+        """Return whether it still runs, or what it came to."""
+        ...
+
+    def halt(self, ports: Ports) -> None:
+        """Stop it while it runs."""
+        ...
+
+
+class Robot:
+    """The actions and conditions of a robot, by the names that trees call them."""
+
+    def __init__(self) -> None:
+        self._makers: dict[str, Callable[[], Action]] = {}
+
+    def can(self, name: str, make: Callable[[], Action]) -> None:
+        """Say how an action is made: called once for each leaf.
+
+        Raises:
+            ValueError: if the name has one.
+        """
+        if name in self._makers:
+            raise ValueError(f"there is an action {name!r} already")
+        self._makers[name] = make
+
+    def does(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
+        """Say which function a condition or an action is that completes at once; it may also return RUNNING."""
+        self.can(name, lambda: _Done(name, function))
+
+    def of(self, name: str) -> Action:
+        """Return an action for a leaf.
+
+        Raises:
+            TreeError: if the robot has none of this name.
+        """
+        if name not in self._makers:
+            raise TreeError(f"the robot has no action {name!r}: it has {_listed(self._makers)}")
+        return self._makers[name]()
+
+
+class _Done(Action):
+    """A function as an action."""
+
+    def __init__(self, name: str, function: Callable[[Ports], bool | Result]) -> None:
+        self._name = name
+        self._function = function
+
+    def start(self, ports: Ports) -> Result:
+        """Call the function."""
+        result = self._function(ports)
+        if isinstance(result, Result):
+            return result
+        if not isinstance(result, bool):
+            raise TreeError(f"{self._name!r} returned {result!r}: it must return True, False or a Result")
+        return Result.SUCCESS if result else Result.FAILURE
+
+    def go_on(self, ports: Ports) -> Result:
+        """Call the function again, which said that it runs."""
+        return self.start(ports)
+
+    def halt(self, ports: Ports) -> None:
+        """Do nothing: there is nothing between calls."""
+
+
+class Leaf(Kind):
+    """An action or a condition of the robot, with its ports."""
+
+    def __init__(
+        self, action: str, *, inputs: Mapping[str, Setting] | None = None, outputs: Mapping[str, Entry] | None = None
+    ) -> None:
+        self._name = action
+        self._inputs = inputs or {}
+        self._outputs = outputs or {}
+        self._bound: tuple[Action, Ports] | None = None
+
+    def bind(self, node: Node, tick_context: TickContext) -> TickContext:  # noqa: ARG002
+        """Make the action."""
+        ports = Ports(self._name, tick_context.scope, self._inputs, self._outputs)
+        self._bound = tick_context.leaves.of(self._name), ports
+        return tick_context
+
+    def entries(self) -> Iterable[Entry]:
+        """Return the entries that its ports name."""
+        return (setting for setting in (*self._inputs.values(), *self._outputs.values()) if isinstance(setting, Entry))
+
+    def tick(self, node: Node) -> Result:
+        """Start the action, or ask how it goes on."""
+        action, ports = self._action()
+        result = action.go_on(ports) if node.is_running else action.start(ports)
+        if result is Result.IDLE:
+            raise TreeError(f"the action {self._name!r} came to nothing: it must run, succeed, fail or be skipped")
+        return result
+
+    def halt(self, node: Node) -> None:  # noqa: ARG002
+        """Stop the action."""
+        action, ports = self._action()
+        action.halt(ports)
+
+    def _action(self) -> tuple[Action, Ports]:
+        if self._bound is None:
+            raise TreeError(f"the leaf {self._name!r} is not bound: it is ticked as part of a Tree")
+        return self._bound

@@ -1,0 +1,86 @@
+"""Leaves that hand a task over to another agent, by the handshake of the knowledge graph (P2, section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from codra_dsl.runtime.behavior_trees.leaves import Action, Ports
+from codra_dsl.runtime.behavior_trees.result import Result
+from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Stage
+
+UNSEEN = "unseen"
+"""The reason of a task that ended between two ticks and was asked for again by another requester."""
+
+
+class Task(Action):
+    """A task of the graph as an action: requested, acknowledged, running, finished or aborted; halting aborts it.
+
+    A task that somebody else has asked for is waited for. One that was aborted, by its requester or by a deadline,
+    fails; one that was finished succeeds with some results and fails with the others. The result, and the reason of an
+    abortion, go to the output ports `result` and `reason`.
+    """
+
+    def __init__(
+        self,
+        task: str,
+        agent: AgentHandle,
+        knowledge: Knowledge,
+        *,
+        succeeds_with: Collection[str] | None = None,
+        values: Collection[str] = (),
+    ) -> None:
+        """Hand over a task.
+
+        Args:
+            task: its name in the graph.
+            agent: the handle of the agent that executes the tree; it must be one of the task's requesters.
+            knowledge: the graph.
+            succeeds_with: the results that are a success; all of them, if None.
+            values: input ports that are written to the attributes of the same names when the task is requested.
+        """
+        self._task = task
+        self._agent = agent
+        self._knowledge = knowledge
+        self._succeeds_with = succeeds_with
+        self._values = tuple(values)
+        self._request: Request | None = None
+
+    def start(self, ports: Ports) -> Result:
+        """Ask for the task, or wait until it can be asked for."""
+        if self._knowledge.snapshot().handover(self._task).is_open:
+            return Result.RUNNING
+        values = {name: ports.value(name) for name in self._values if name in ports}
+        try:
+            self._request = self._agent.request(self._task, **values)
+        except ConflictError:  # another agent was quicker
+            return Result.RUNNING
+        return Result.RUNNING
+
+    def go_on(self, ports: Ports) -> Result:
+        """Return how far the task is."""
+        if self._request is None:
+            return self.start(ports)
+        handover = self._knowledge.snapshot().handover(self._task)
+        if handover.request != self._request:  # it has ended, and somebody else has asked since: nobody knows with what
+            self._request = None
+            ports.set("reason", UNSEEN)
+            return Result.FAILURE
+        if handover.is_open:
+            return Result.RUNNING
+        self._request = None
+        if handover.stage is Stage.ABORTED:
+            ports.set("reason", handover.reason)
+            return Result.FAILURE
+        ports.set("result", handover.result)
+        good = self._succeeds_with is None or handover.result in self._succeeds_with
+        return Result.SUCCESS if good else Result.FAILURE
+
+    def halt(self, ports: Ports) -> None:  # noqa: ARG002
+        """Abort the task, unless it has ended by itself."""
+        request, self._request = self._request, None
+        if request is None:
+            return
+        try:
+            self._agent.abort(request)
+        except ConflictError:  # it has ended meanwhile, and nobody asks with what
+            return

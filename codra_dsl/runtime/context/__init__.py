@@ -1,0 +1,1 @@
+"""The context manager M and its parts."""

@@ -1,0 +1,386 @@
+"""All that reaches the context manager from outside, one step each: calls of programs, told to the journal and done.
+
+What observers, jobs and timers do follows from these inputs, from what perception returned, and from time. A journal
+that holds both can therefore be replayed: the same inputs, taken at the same places, give the same events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.clock import LockedClock
+from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
+from codra_dsl.runtime.errors import NotASourceError
+from codra_dsl.runtime.journal import EventWriter, Kind
+from codra_dsl.runtime.journal.encoding import json_text
+from codra_dsl.runtime.observers.event_triggers import EventTriggers
+from codra_dsl.runtime.observers.expectations import Expectations
+from codra_dsl.runtime.observers.forest import Forest
+from codra_dsl.runtime.observers.store import Store
+from codra_dsl.runtime.observers.urgency import Urgencies, Urgency
+from codra_dsl.runtime.perception.slots import MAIN_EXECUTION, Slots, Ticket
+from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.values.declarations import MAIN, OBSERVER, Declarations, expected_by, under_way
+from codra_dsl.runtime.values.model import SkillModel, VariableModel
+
+
+class NotDeclaredError(PermissionError):
+    """The main execution wrote a variable that is not its own and that it has not declared."""
+
+
+class Commands:
+    """What programs ask of the context manager, on names and values that have been checked. Nothing here waits."""
+
+    def __init__(
+        self,
+        *,
+        clock: LockedClock,
+        event_writer: EventWriter,
+        store: Store,
+        forest: Forest,
+        slots: Slots,
+        expectations: Expectations,
+        event_triggers: EventTriggers,
+        skills: Mapping[str, SkillModel],
+        explain: Callable[[Reading[Value]], Reading[Value]],
+    ) -> None:
+        """Take inputs for the parts of a context manager.
+
+        Args:
+            clock: makes each input a step.
+            event_writer: is told each input.
+            store: holds the variables.
+            forest: starts and stops observers.
+            slots: of shared resources.
+            expectations: judge what skills expect.
+            event_triggers: knows what is worth another look.
+            skills: by name.
+            explain: adds to an unknown reading what keeps the variable from being observed now.
+        """
+        self._clock = clock
+        self._event_writer = event_writer
+        self._store = store
+        self._forest = forest
+        self._slots = slots
+        self._expectations = expectations
+        self._event_triggers = event_triggers
+        self._skills = skills
+        self._explain = explain
+        self.declarations = Declarations(self._enter, self._leave)
+        observers = forest.observers.items()
+        self._urgencies = Urgencies(
+            {name: observer.model.identifies for name, observer in observers},
+            {name: observer.needs() for name, observer in observers},
+        )
+        self.is_closed = False
+        self._expected: dict[str, list[str]] = {}
+        self._begun: dict[int, tuple[str, SkillModel]] = {}
+        self._skills_begun = 0
+        self._decisions_asked = 0
+        self._tickets: dict[int, Ticket] = {}
+        self._slots_asked = 0
+
+    # What the main execution declares (P1, Equation 4)
+
+    def declare(self, name: str, party: str = MAIN) -> None:
+        """Take a variable into C_E(t).
+
+        Raises:
+            RuntimeError: if the context manager is closed; so do `expect` and `begin`.
+        """
+        with self._clock:
+            self._check_open()
+            self._tell("declare", party, variable=name)
+            self.declarations.add(party, name)
+
+    def withdraw(self, name: str, party: str = MAIN) -> None:
+        """Take back what `declare` said."""
+        with self._clock:
+            self._tell("withdraw", party, variable=name)
+            self.declarations.remove(party, name)
+
+    def expect(self, skills: Iterable[str], party: str = MAIN) -> None:
+        """Let these skills of a main execution come next, and no others."""
+        with self._clock:
+            self._check_open()
+            expected = list(skills)
+            self._tell("expect", party, skills=expected)
+            self._hold_expected(expected, party)
+
+    def begin(self, name: str, party: str = MAIN) -> int:
+        """Begin a skill; return its number, by which it ends."""
+        with self._clock:
+            self._check_open()
+            self._tell("begin", party, skill=name)
+            self._skills_begun += 1
+            number, skill = self._skills_begun, self._skills[name]
+            self._begun[number] = (party, skill)
+            self._event_triggers.begin(skill.monitor)
+            self.declarations.hold(under_way(skill.name, number), (*skill.preview, *skill.monitor))
+            self._hold_expected([other for other in self._expected.get(party, ()) if other != name], party)
+            self._forest.look_again()
+            return number
+
+    def act(self, number: int) -> None:
+        """Make unknown what a skill changes, and count from now on what it expects.
+
+        Raises:
+            RuntimeError: if the skill has ended.
+        """
+        with self._clock:
+            if number not in self._begun:
+                raise RuntimeError("a skill that has ended cannot act: begin it anew")
+            _party, skill = self._begun[number]
+            self._tell("act", number=number)
+            for variable in skill.changes:
+                self._store.invalidate(variable, skill.name, MAIN)
+            self._event_triggers.act(number, skill.changes)
+            self._expectations.act(number, skill)
+
+    def acted(self, number: int) -> None:
+        """End the acting of a skill."""
+        with self._clock:
+            self._tell("acted", number=number)
+            self._expectations.acted(number)
+            self._event_triggers.acted(number, self._clock.now_s())
+            self._forest.look_again()
+
+    def finish(self, number: int) -> None:
+        """End a skill."""
+        with self._clock:
+            self._tell("finish", number=number)
+            self._finish(number)
+
+    def leave(self, party: str) -> None:
+        """Withdraw all that a main execution declares: it has left, or nothing is heard of it any more."""
+        with self._clock:
+            self._tell("leave", party)
+            for number in [number for number, (whose, _) in self._begun.items() if whose == party]:
+                self._finish(number)
+            self._hold_expected([], party)
+            del self._expected[party]
+            self.declarations.hold(party, ())
+
+    def close(self) -> None:
+        """Withdraw everything."""
+        with self._clock:
+            self._tell("close")
+            self.is_closed = True
+            self._expected.clear()
+            for holder in self.declarations.holders():
+                self.declarations.hold(holder, ())
+
+    # What programs know
+
+    def write(self, name: str, content: Value | None, writer: str, evidence_s: float | None) -> None:
+        """Write a variable as the main execution or an agent.
+
+        Raises:
+            NotDeclaredError: if it is for others to write and is not declared.
+            NotASourceError: if an agent writes what is for others to write.
+            ValueError: if the evidence lies in the future.
+        """
+        evidence_s = None if evidence_s is None else float(evidence_s)
+        with self._clock:
+            if self._event_writer.takes_inputs:
+                self._event_writer.write_input(writer, "write", variable=name, value=content, evidence_s=evidence_s)
+            model = self._store.variables[name]
+            if model.posed is not None:
+                raise NotASourceError(f"{name!r} follows from poses: nobody writes it")
+            if writer == MAIN and not (MAIN in model.sources or name in self.declarations):
+                raise NotDeclaredError(
+                    f"{name!r} is for {' or '.join(model.sources)} to write: "
+                    f"the main execution may only while it has declared it{_way_of_agents(model)}"
+                )
+            if writer != MAIN and writer not in model.sources:
+                self._event_writer.write(Kind.VARIABLE, name, "refused", value=content, source=writer)
+                raise NotASourceError(f"{name!r} is for {' or '.join(model.sources)} to write, not for {writer!r}")
+            self._store_reading(model, content, writer, evidence_s)
+
+    def adapt(self, agent: str, name: str, what: str, details: Mapping[str, object]) -> None:
+        """Tell what a loop has done.
+
+        Args:
+            agent: who answers for it.
+            name: of the loop, course, parameter or tree.
+            what: it did.
+            details: plain values, without any that is None.
+        """
+        with self._clock:
+            if self._event_writer.takes_inputs:
+                told = json_text({"name": name, "what": what, "details": details})
+                self._event_writer.write_input(agent, "adapt", told=told)
+            self._event_writer.write(Kind.ADAPTATION, name, what, agent=agent, **details)
+
+    # Decisions
+
+    def ask(self, request: DecisionRequest) -> Decision:
+        """Ask whether context answers a decision."""
+        with self._clock:
+            self._decisions_asked += 1
+            self._tell("decide", number=self._decisions_asked, **_stated(request))
+            now_s, reading = self._clock.now_s(), self._store.reading(request.variable)
+            decision = Decision(number=self._decisions_asked, request=request, asked_s=now_s, reading=reading)
+            self._look_up(decision)
+            if not decision.met and request.wait_up_to_s > 0:
+                self._urgencies.wait(decision.number, request.variable)
+                return decision
+            self._settle(decision)
+            return decision
+
+    def resume(self, decision: Decision) -> None:
+        """Ask again, after waiting."""
+        with self._clock:
+            self._tell("waited", number=decision.number)
+            self._urgencies.answer(decision.number)
+            self._look_up(decision)
+            self._settle(decision)
+
+    def conclude(self, decision: Decision, found: Value | None, raised: str | None = None) -> None:
+        """Take what the main execution found when it looked itself, or the name of the error that looking raised."""
+        name, shadow = decision.request.variable, decision.request.shadow
+        with self._clock:
+            self._tell("found", number=decision.number, value=found, raised=raised)
+            self._urgencies.answer(decision.number)  # it may have been given up while it waited
+            what = "shadowed" if decision.met else "fell_back"
+            marks = {"shadow": True} if shadow and not decision.met else {}
+            if raised is not None:
+                self._decided(what, decision, raised=raised, **marks)
+                return
+            is_void = decision.looked_s < self._store.cells[name].invalidated_s  # a skill has acted meanwhile
+            keeps = not shadow and found is not None and not is_void and self._may_write(name)
+            about: dict[str, object] = {"found": found}
+            if not decision.met:
+                about |= {"kept": keeps, **marks}
+            elif found is not None:
+                about["agrees"] = found == decision.reading.content
+            self._decided(what, decision, **about)
+            if keeps:
+                self._store_reading(self._store.variables[name], found, MAIN, None, decision.looked_s)
+
+    # Slots
+
+    def urgency(self, observer: str) -> Urgency:
+        """Return how soon the main execution needs what an observer identifies."""
+        return self._urgencies.of(observer, self.declarations)
+
+    def request_slots(self, resources: tuple[str, ...], grant: Callable[[], None]) -> int:
+        """Queue the main execution for slots; return the number by which they are given back."""
+        with self._clock:
+            self._tell("request", resources=list(resources))
+            self._slots_asked += 1
+            self._tickets[self._slots_asked] = self._slots.request(resources, _first, grant)
+            return self._slots_asked
+
+    def release_slots(self, number: int) -> None:
+        """Give slots back, or leave the queue."""
+        with self._clock:
+            self._tell("release", number=number)
+            self._slots.release(self._tickets.pop(number))
+
+    # Within
+
+    def _check_open(self) -> None:
+        """Refuse what would start observers after the end; within a step, so that no other thread closes meanwhile."""
+        if self.is_closed:
+            raise RuntimeError("the context manager is closed: start() makes a new one")
+
+    def _tell(self, what: str, party: str = MAIN, /, **details: object) -> None:
+        self._event_writer.write_input(party, what, **details)
+
+    def _finish(self, number: int) -> None:
+        _party, skill = self._begun.pop(number)
+        self._expectations.finish(number)
+        self._event_triggers.finish(number, skill.monitor)
+        self.declarations.hold(under_way(skill.name, number), ())
+        self._forest.look_again()  # it may have acted to its very end
+
+    def _hold_expected(self, skills: list[str], party: str) -> None:
+        self._expected[party] = skills
+        previews = (name for skill in skills for name in self._skills[skill].preview)
+        self.declarations.hold(expected_by(party), previews)
+
+    def _enter(self, name: str, holder: str) -> None:
+        self._event_writer.write(Kind.DECLARATION, name, "declared", holder=holder)
+        self._forest.declare(name)
+
+    def _leave(self, name: str, holder: str) -> None:
+        self._event_writer.write(Kind.DECLARATION, name, "withdrawn", holder=holder)
+        self._forest.withdraw(name)
+
+    def _may_write(self, name: str) -> bool:
+        model = self._store.variables[name]
+        return model.posed is None and (MAIN in model.sources or name in self.declarations)
+
+    def _store_reading(
+        self,
+        model: VariableModel,
+        content: Value | None,
+        writer: str,
+        evidence_s: float | None,
+        start_s: float | None = None,
+    ) -> None:
+        name, now_s = model.name, self._clock.now_s()
+        if evidence_s is None:
+            evidence_s = now_s
+        elif not evidence_s <= now_s:
+            raise ValueError(f"evidence for {name!r} was taken at {now_s} at the latest, not at {evidence_s}")
+        start_s = evidence_s if start_s is None else start_s
+        if content is None:
+            reading: Reading[Value] = Reading(
+                name=name,
+                reason=Reason.REJECTED,
+                evidence_s=evidence_s,
+                start_s=start_s,
+                identified_s=now_s,
+                source=writer,
+            )
+        else:
+            expires_s = evidence_s + model.valid_for_s
+            reading = known_reading(name, content, evidence_s, start_s, now_s, expires_s, writer)
+        self._store.write(reading)
+
+    def _look_up(self, decision: Decision) -> None:
+        decision.reading = self._store.reading(decision.request.variable)
+        decision.met = decision.request.is_met(decision.reading, self._clock.now_s())
+
+    def _settle(self, decision: Decision) -> None:
+        """Answer a decision from context, or let the main execution look."""
+        if decision.is_answered:
+            self._decided("answered", decision)
+        else:
+            decision.reading = self._explain(decision.reading)
+            decision.looked_s = self._clock.now_s()
+
+    def _decided(self, what: str, decision: Decision, **details: object) -> None:
+        reading = decision.reading
+        why = {"reason": reading.reason, "detail": reading.detail}
+        about = {"value": reading.content, **why, "asked_s": decision.asked_s, "source": reading.source}
+        if self._begun:  # the skill that was begun last
+            about["skill"] = next(reversed(self._begun.values()))[1].name
+        self._event_writer.write(Kind.DECISION, reading.name, what, **about, **details)
+
+
+def _first() -> tuple[float, int]:
+    return MAIN_EXECUTION, 0
+
+
+def _stated(request: DecisionRequest) -> dict[str, object]:
+    """Return what a decision asks beyond what all ask."""
+    told: dict[str, object] = {"variable": request.variable}
+    if request.max_age_s < math.inf:
+        told["max_age_s"] = request.max_age_s
+    if request.since_s > -math.inf:
+        told["since_s"] = request.since_s
+    if request.wait_up_to_s > 0:
+        told["wait_up_to_s"] = request.wait_up_to_s
+    if request.shadow:
+        told["shadow"] = True
+    return told
+
+
+def _way_of_agents(model: VariableModel) -> str:
+    agents = [source for source in model.sources if source not in (MAIN, OBSERVER)]
+    return f", and an agent writes with agent({agents[0]!r}).set" if agents else ""

@@ -1,0 +1,127 @@
+"""What a context manager is made of, put together: each part gets the others that it works with."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.callbacks import Subscriptions
+from codra_dsl.runtime.clock import Clock, LockedClock
+from codra_dsl.runtime.context.commands import Commands
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.pose_conditions import PoseConditions
+from codra_dsl.runtime.journal import EventLog, EventWriter
+from codra_dsl.runtime.knowledge import ContextLink, Knowledge, KnowledgeModel
+from codra_dsl.runtime.observers.event_triggers import EventTriggers
+from codra_dsl.runtime.observers.expectations import Expectations
+from codra_dsl.runtime.observers.forest import Forest
+from codra_dsl.runtime.observers.observer import Observer
+from codra_dsl.runtime.observers.services import ObserverServices
+from codra_dsl.runtime.observers.store import Store
+from codra_dsl.runtime.perception import Function, Perception
+from codra_dsl.runtime.perception.slots import Slots
+from codra_dsl.runtime.values.cell import Reading, Reason
+from codra_dsl.runtime.values.model import Algorithm
+
+
+class Components:
+    """The parts of a context manager.
+
+    Attributes:
+        lock: held by whoever changes something.
+        time: real or simulated; it holds no lock while events happen.
+        clock: the same, whose events are steps.
+        skills: by name.
+    """
+
+    def __init__(
+        self,
+        model: ContextModel,
+        *,
+        clock: Clock,
+        resources: Mapping[str, object],
+        record: EventLog,
+        seed: int,
+        find: Callable[[Algorithm], Function],
+    ) -> None:
+        """Put all parts together, from what `ContextManager` was given; it raises what that does."""
+        self.lock = threading.RLock()
+        self.time = clock
+        self.clock = LockedClock(clock, self.lock)
+        self.skills = {skill.name: skill for skill in model.skills}
+        self.event_writer = EventWriter(record, self.clock, self.clock.place)
+        self.clock.is_late = lambda: self.event_writer.write_input("clock", "late")
+        self.store = Store(model.variables, self.clock, self.event_writer, self.changed)
+        self.slots = Slots(self.clock, {resource.name: resource for resource in model.resources})
+        self.perception = Perception(
+            clock=self.clock, slots=self.slots, handles=resources, seed=seed, event_writer=self.event_writer, find=find
+        )
+        self.subscriptions = Subscriptions(clock, self.lock)
+        self.expectations = Expectations(self.store, self.clock, self.event_writer, self.subscriptions.judged)
+        self.event_triggers = EventTriggers()
+        self.forest = Forest(model.observers, self._services(), self.clock, self.store.write, self.observer_stopped)
+        observers = self.forest.observers.values()
+        self.perception.prepare(branch.algorithm for observer in observers for branch in observer.branches)
+        self.commands = Commands(
+            clock=self.clock,
+            event_writer=self.event_writer,
+            store=self.store,
+            forest=self.forest,
+            slots=self.slots,
+            expectations=self.expectations,
+            event_triggers=self.event_triggers,
+            skills=self.skills,
+            explain=self.explained,
+        )
+
+    def _services(self) -> ObserverServices:
+        return ObserverServices(
+            cells=self.store.cells,
+            variables=self.store.variables,
+            perception=self.perception,
+            event_triggers=self.event_triggers,
+            event_writer=self.event_writer,
+            clock=self.clock,
+            urgency=lambda observer: self.commands.urgency(observer),  # noqa: PLW0108 - inputs come later
+            is_asked_for=lambda variable: self.forest.is_asked_for(variable, self.commands.declarations),
+        )
+
+    def with_knowledge(self, model: KnowledgeModel) -> Knowledge:
+        """Return the knowledge graph that shares these variables, steps and journal."""
+        context_link = ContextLink(
+            variables=tuple(each for each in self.store.variables.values() if each.posed is None),
+            steps=self.clock,
+            event_writer=self.event_writer,
+            write=self.store.write,
+        )
+        knowledge = Knowledge(model, clock=self.time, context_link=context_link)
+        self.store.mirror = knowledge.mirror
+        PoseConditions(self.store.variables.values(), knowledge, self.clock, self.store)
+        return knowledge
+
+    def obstacle(self, name: str) -> str:
+        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look."""
+        obstacle, variable = self.forest.obstacle(name), self.store.variables[name]
+        if variable.posed is not None:
+            return "it follows from poses"
+        return f"for {' or '.join(variable.sources)} to write" if obstacle is None else obstacle
+
+    def explained(self, reading: Reading[Value]) -> Reading[Any]:
+        """Return a reading; one that nobody has renewed tells what keeps it from being observed now."""
+        if reading.reason not in (Reason.NEVER_OBSERVED, Reason.STALE) or reading.detail:
+            return reading
+        return replace(reading, detail=self.obstacle(reading.name))
+
+    def changed(self, name: str, is_renewed: bool) -> None:
+        """Tell all who read a variable that it has another reading."""
+        self.forest.changed(name, is_renewed)
+        self.expectations.changed(name)
+        self.subscriptions.changed(name, self.store.reading)
+        self.time.notify()
+
+    def observer_stopped(self, observer: Observer) -> None:
+        """Forget what is to be forgotten when nobody looks."""
+        self.store.forget(observer.model.identifies, observer.name)

@@ -1,0 +1,484 @@
+"""The context manager M (P1, sections 3.2 and 3.3): the one place where context is declared, kept and asked for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, Generic, Self, TypeVar, cast
+
+from codra_dsl.collector import paused_collector
+from codra_dsl.logic import Term, Value, known
+from codra_dsl.runtime.callbacks import Subscription
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.context.agents import NO_KNOWLEDGE, Agent
+from codra_dsl.runtime.context.commands import NotDeclaredError
+from codra_dsl.runtime.context.components import Components
+from codra_dsl.runtime.context.decisions import DecisionRequest
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.context.package_files import manifest_of, package_folder
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+from codra_dsl.runtime.context.shadow import ShadowReport, shadow_report
+from codra_dsl.runtime.context.shared_acquisition import declaring
+from codra_dsl.runtime.context.skills import Skill
+from codra_dsl.runtime.context.slots import MainExecutionSlots
+from codra_dsl.runtime.context.summarise import summarised
+from codra_dsl.runtime.errors import NotASourceError, UnknownNameError, unknown
+from codra_dsl.runtime.journal import EventLog
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.journal.spec_summary import SpecSummary
+from codra_dsl.runtime.knowledge import AgentHandle, Knowledge, KnowledgeModel, nodes_of_variables
+from codra_dsl.runtime.observers.waiting import wait_for
+from codra_dsl.runtime.perception import Cost, Function, check_handles, imported
+from codra_dsl.runtime.values.cell import FOREVER_S, Reading
+from codra_dsl.runtime.values.declarations import MAIN, OBSERVER
+from codra_dsl.runtime.values.model import Algorithm, SkillModel, VariableModel
+from codra_dsl.runtime.why import Why, explain
+
+VariableName = TypeVar("VariableName", bound=str)
+SkillName = TypeVar("SkillName", bound=str)
+
+__all__ = ["MAIN", "ContextManager", "NotDeclaredError", "Skill", "UnknownNameError"]
+
+
+class ContextManager(Generic[VariableName, SkillName]):
+    """M of P1: keeps C_M(t), controls the observers, and answers the main execution.
+
+    Use it as a Python context manager, so that all observers stop in the end. `get` never waits for anybody.
+
+    Attributes:
+        record: what happened.
+        clock: the one that it was given.
+        model: what the spec was compiled to.
+        commands: takes, one step each, what programs ask; for sessions, and for whoever replays a run.
+        knowledge: the graph, if the spec declares one.
+    """
+
+    @paused_collector()
+    def __init__(
+        self,
+        model: ContextModel,
+        *,
+        clock: Clock,
+        resources: Mapping[str, object],
+        seed: int = 0,
+        record: EventLog | None = None,
+        find: Callable[[Algorithm], Function] = imported,
+        knowledge: KnowledgeModel | None = None,
+    ) -> None:
+        """Build the forest; nothing runs before something is declared.
+
+        Args:
+            model: what a spec was compiled to.
+            clock: real or simulated time.
+            resources: the handle of each resource without slots, by name.
+            seed: of the chance that jobs see as `job.random`.
+            record: takes every change; by default one of its own.
+            find: returns the perception function of an algorithm; by default the one that its `call` names.
+            knowledge: what the spec says of a knowledge graph and its agents; None if there is none.
+
+        Raises:
+            CallError: if a perception function cannot be imported, or a handle is missing or of no use.
+        """
+        check_handles(model.resources, resources)
+        self.record = EventLog() if record is None else record
+        self.model = model
+        parts = Components(model, clock=clock, resources=resources, record=self.record, seed=seed, find=find)
+        self._parts = parts
+        self._lock, self._clock, self.clock, self._now_s = parts.lock, parts.clock, clock, clock.now_s
+        self._store, self._cells, self._forest = parts.store, parts.store.cells, parts.forest
+        self._perception, self._expectations = parts.perception, parts.expectations
+        self._subscriptions, self.commands = parts.subscriptions, parts.commands
+        self._skills = parts.skills
+        self._slots_held = MainExecutionSlots(parts.slots, self.commands, self._clock)
+        self._parties = itertools.count(2)
+        self._nodes = {} if knowledge is None else nodes_of_variables(knowledge, model.variables)
+        with self._clock:  # so that the graph begins at the instant at which the journal does
+            self.record.begin(lambda: self._head(seed))
+            self._knowledge = None if knowledge is None else parts.with_knowledge(knowledge)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Withdraw everything, stop all observers and cancel their jobs; nothing can be declared any more.
+
+        A decision that waits for an observer in another thread waits no longer. Once the interpreter is going down it
+        does nothing: threads that held the lock are gone, and whatever runs in processes of its own ends with them.
+        """
+        if sys.is_finalizing():
+            return
+        with self._clock:
+            if not self.commands.is_closed:
+                self.commands.close()
+                self.record.end()
+                self._clock.notify()
+                self._subscriptions.wake()
+        self._perception.close()
+
+    # What the main execution declares (P1, Equation 4)
+
+    def declare(self, name: VariableName, value: Any = None) -> None:
+        """Take a variable into C_E(t), until it is withdrawn; declaring twice changes nothing.
+
+        Args:
+            name: the variable.
+            value: what the main execution knows of it already; None if nothing.
+
+        Raises:
+            NotOfTypeError: if the value is not what the spec declares; then the variable is not declared.
+            RuntimeError: if the context manager is closed.
+        """
+        model = self._model(name)
+        content = None if value is None else model.type.convert(value)
+        with self._clock:
+            self.commands.declare(name)
+            if value is not None:
+                self.commands.write(name, content, MAIN, None)
+
+    def withdraw(self, name: VariableName) -> None:
+        """Take back what `declare` said; what a skill declares stays declared."""
+        self._model(name)
+        self.commands.withdraw(name)
+
+    def expect(self, *skills: SkillName) -> None:
+        """Say which skills come next: what each previews is declared until it begins or others are expected."""
+        for name in skills:
+            self._skill(name)
+        self.commands.expect(skills)
+
+    @contextmanager
+    def skill(self, name: SkillName) -> Iterator[Skill]:
+        """Run a skill: what it previews and monitors is declared until it ends; its expectation is fulfilled."""
+        model = self._skill(name)
+        number = self.commands.begin(name)
+        try:
+            yield self._skill_under_way(model, number)
+        finally:
+            self.commands.finish(number)
+            self._subscriptions.finished(number)
+
+    def modelled(self) -> tuple[str, ...]:
+        """Return C_M, all variables of the spec (P1, Equation 3)."""
+        return tuple(self._store.variables)
+
+    def skills(self) -> Mapping[str, SkillModel]:
+        """Return what the spec says of each skill, by name."""
+        return MappingProxyType(self._skills)
+
+    def declared(self) -> frozenset[str]:
+        """Return C_E(t), what the main execution declares now."""
+        with self._lock:
+            return self.commands.declarations.names()
+
+    def running(self) -> frozenset[str]:
+        """Return the names of the observers that run now."""
+        with self._lock:
+            return self._forest.running()
+
+    def in_force(self) -> frozenset[str]:
+        """Return C_M(t), what is declared or needed by a running observer (P1, Equation 8)."""
+        with self._lock:
+            needed = {need for name in self._forest.running() for need in self._forest.observers[name].needs()}
+            return self.commands.declarations.names() | needed
+
+    def spent(self) -> Mapping[str, Cost]:
+        """Return what each observer has spent and brought so far, by its name."""
+        with self._lock:
+            observers = self._forest.observers.items()
+            return {
+                name: self._perception.spent(branch.algorithm for branch in observer.branches)
+                for name, observer in observers
+            }
+
+    # What is known
+
+    def get(self, name: VariableName) -> Reading[Any]:
+        """Return what is known of a variable now; it never waits.
+
+        Of a variable that was never observed, or that is stale, `detail` tells what keeps it from being observed now.
+        """
+        try:
+            reading = self._cells[name].reading
+        except KeyError:
+            raise unknown("variable", name, self._cells) from None
+        if reading.expires_s != FOREVER_S and reading.expires_s <= (now_s := self._now_s()):
+            reading = reading.at(now_s)
+        return reading if reading.reason is None else self._parts.explained(reading)
+
+    def readings(self, names: Iterable[VariableName]) -> Mapping[str, Reading[Any]]:
+        """Return what is known of several variables at one instant."""
+        with self._lock:
+            return {name: self._reading(name) for name in names}
+
+    def obstacle(self, name: VariableName) -> str:
+        """Return what keeps a variable from being observed now, known or not; empty if an algorithm can look.
+
+        It is the first condition that does not hold, of each algorithm if there are alternatives, or that the observer
+        does not run, or whose the variable is to write if none observes it.
+        """
+        self._model(name)
+        return self._parts.obstacle(name)
+
+    def why(self, name: VariableName | str, *, at_s: float | None = None) -> Why:
+        """Return why a variable is what it is: from its value to the evidence, or from unknown to what is missing.
+
+        Args:
+            name: the variable; also a course, a parameter or an action of a loop, or a part of knowledge.
+            at_s: an instant of the past that the record still holds; now, if None.
+
+        Raises:
+            UnknownNameError: if there is none of this name, and nothing had become of one by then.
+            ValueError: if the instant lies in the future, or before what the record holds.
+        """
+        with self._lock:
+            now_s, record = self._clock.now_s(), self.record.copy()
+        if at_s is not None and not at_s <= now_s:
+            raise ValueError(f"it is {now_s} now: what is at {at_s} is not known yet")
+        return explain(self._outlined(), record.latest_events, name, now_s if at_s is None else at_s)
+
+    def set(self, name: VariableName, value: Any, *, evidence_s: float | None = None) -> None:
+        """Write a variable as the main execution.
+
+        Args:
+            name: the variable.
+            value: what the main execution knows of it.
+            evidence_s: when the evidence was taken; now, if None. A value with newer evidence stays.
+
+        Raises:
+            NotDeclaredError: if it is for others to write and is not declared.
+            NotOfTypeError: if the value is not what the spec declares.
+            ValueError: if the evidence lies in the future.
+        """
+        try:
+            content = self._store.variables[name].type.convert(value)
+        except KeyError:
+            raise unknown("variable", name, self._cells) from None
+        self.commands.write(name, content, MAIN, evidence_s)
+
+    def agent(self, name: str) -> Agent[VariableName, AgentHandle]:
+        """Return the handle by which an outside writer writes the variables that name it as `source`.
+
+        Where there is a knowledge graph, the agents are those of the graph, and nobody else gets a handle of the same
+        name while this one is open. The main execution is one of them if it is a source or asks for tasks.
+
+        Raises:
+            UnknownNameError: if no variable does, and the graph has no such agent.
+            AgentTakenError: if a handle of the agent is open, where there is a knowledge graph.
+        """
+        if self._knowledge is not None:
+            woken_by = declaring(self.commands, f"agent {name}", self._woken_by(name, self._knowledge.model))
+            return Agent(name, self._write_as, self._knowledge, woken_by)
+        names = {source for model in self._store.variables.values() for source in model.sources} - {MAIN, OBSERVER}
+        if name not in names:
+            raise unknown("variable whose source is", name, sorted(names))
+        return Agent(name, self._write_as)
+
+    def _woken_by(self, agent: str, model: KnowledgeModel) -> list[str]:
+        """Return what observers identify among what wakes an agent."""
+        wakes = (pattern for each in model.agents if each.name == agent for pattern in each.wakes)
+        read = {name for pattern in wakes if isinstance(pattern, Term) for name in pattern.variables()}
+        identified = {name for each in self.model.observers for name in each.identifies}
+        return sorted(name for name in identified if f"{self._nodes[name]}.{name}" in read)
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """Return the knowledge graph, of whose nodes the context-variables are attributes.
+
+        Raises:
+            LookupError: if the spec says nothing of knowledge.
+        """
+        if self._knowledge is None:
+            raise LookupError(f"the spec {self.model.name!r} {NO_KNOWLEDGE}")
+        return self._knowledge
+
+    def history(self, name: VariableName) -> tuple[Reading[Any], ...]:
+        """Return the kept readings of a variable, by the instant of their evidence."""
+        self._model(name)
+        with self._lock:
+            return self._store.cells[name].history()
+
+    def decide(
+        self,
+        name: VariableName,
+        otherwise: Callable[[], Any],
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> Any:
+        """Answer a decision from context, or fall back to sequential perception (P1, section 3.3).
+
+        Args:
+            name: the variable that the decision needs.
+            otherwise: looks as the robot did without observers. It returns a value of the variable, or None if it found
+                none. What it finds is kept as evidence if the main execution may `set` the variable.
+            max_age_s: evidence that is older does not do.
+            since_s: evidence that began to be taken before this instant does not do, e.g. before an action ended.
+            wait_up_to_s: how long to wait for observers before falling back.
+            shadow: look in any case, return what was found, and record whether the context agrees; nothing is kept, so
+                that the context goes on as if nobody had looked.
+
+        Returns:
+            The value from context, or what `otherwise` returned.
+
+        Raises:
+            NotOfTypeError: if `otherwise` returns what is no value of the variable.
+        """
+        pending = self.ask(name, max_age_s=max_age_s, since_s=since_s, wait_up_to_s=wait_up_to_s, shadow=shadow)
+        try:
+            if pending.wait(math.inf) is DecisionState.ANSWERED:
+                return pending.value
+            found = otherwise()
+        except BaseException as error:
+            pending.abandon(type(error).__name__)
+            raise
+        pending.found(found)
+        return found
+
+    def shadow_report(self) -> ShadowReport:
+        """Return how often context agreed with what the robot saw in shadow mode, as far as the record goes back."""
+        return shadow_report(self.record)
+
+    def subscribe(
+        self, names: VariableName | Iterable[VariableName], callback: Callable[[Reading[Any]], object]
+    ) -> Subscription:
+        """Call back with what a variable, or each of several, is now, and with each change of it.
+
+        A change is another value, that the value is lost, or another reason; newer evidence for the same is none.
+        Subscribing declares nothing.
+
+        The callback runs without any lock, one call at a time, in the order of the changes: in real time in a thread of
+        its own, in simulated time as an event at the instant of the change, which must not wait. What it raises is
+        logged. If it is slow the oldest of 1,000 changes that wait is dropped, as `Subscription.dropped` counts.
+        """
+        wanted = dict.fromkeys([names] if isinstance(names, str) else names)
+        with self._lock:  # no step: it changes nothing that a journal tells
+            return self._subscriptions.subscribe([self._reading(name) for name in wanted], callback)
+
+    def follow(self, name: VariableName, callback: Callable[[], object]) -> Subscription:
+        """Call back, as `subscribe` does, whenever there is newer evidence or another reading of a variable."""
+        self._model(name)
+        with self._lock:
+            return self._subscriptions.follow(name, callback)
+
+    def wait_for(self, condition: VariableName | Term, timeout_s: float) -> bool:
+        """Wait until a variable is known, or a condition over variables holds; return whether that came true.
+
+        Args:
+            condition: a variable, or a condition in the words of `codra_dsl.runtime.values.conditions`.
+            timeout_s: how long to wait at most. Waiting declares nothing.
+        """
+        term = condition if isinstance(condition, Term) else known(condition)
+        for name in sorted(term.variables()):
+            self._model(name)
+        return wait_for(term, self._store.cells, self._clock, timeout_s)
+
+    def ask(
+        self,
+        name: VariableName,
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> PendingDecision:
+        """Ask a decision step by step: `decide` for a main execution that may not wait inside one call.
+
+        Its arguments are those of `decide`; the main execution looks, if it must, between two steps.
+        """
+        model = self._model(name)
+        request = DecisionRequest(
+            variable=name,
+            max_age_s=float(max_age_s),
+            since_s=float(since_s),
+            wait_up_to_s=float(wait_up_to_s),
+            shadow=shadow,
+        )
+        return PendingDecision(
+            self.commands.ask(request),
+            commands=self.commands,
+            clock=self._clock,
+            read=lambda: self._reading(name),
+            convert=model.type.convert,
+        )
+
+    @contextmanager
+    def slot(self, *resources: str) -> Iterator[None]:
+        """Use slots of shared resources as the main execution: it goes before every observer.
+
+        It waits for the job that has the slot, for the longest timeout of those at most. Within it the same thread may
+        ask for the same slots again: it has them.
+
+        Raises:
+            UnknownNameError: if the spec has no such resource, or one without slots.
+            RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
+                Or if the clock was closed before the slots were free.
+        """
+        with self._slots_held.hold(resources):
+            yield
+
+    def next_party(self) -> str:
+        """Return the name under which one more main execution declares: another name at each call."""
+        return f"{MAIN} {next(self._parties)}"
+
+    # Within
+
+    def _skill_under_way(self, model: SkillModel, number: int) -> Skill:
+        return Skill(
+            model,
+            number,
+            commands=self.commands,
+            expectations=self._expectations,
+            clock=self._clock,
+            decide=lambda name, look: self.decide(cast("VariableName", name), look),
+            subscribe=lambda callback: self._subscriptions.subscribe_to_skill(number, callback),
+        )
+
+    def _head(self, seed: int) -> RunHeader:
+        """Return what a journal says of this run."""
+        manifest = manifest_of(package_folder(self))
+        return RunHeader.of_run(self._outlined(), manifest, seed=seed, start_s=self._clock.now_s())
+
+    def _outlined(self) -> SpecSummary:
+        found = summarised(
+            self.model.name,
+            self._store.variables.values(),
+            self._forest.observers.values(),
+            self._skills.values(),
+            package_folder(self),
+        )
+        return replace(found, nodes=self._nodes)
+
+    def _reading(self, name: str) -> Reading[Value]:
+        try:
+            return self._store.reading(name)
+        except KeyError:
+            raise unknown("variable", name, self._store.cells) from None
+
+    def _model(self, name: str) -> VariableModel:
+        if name not in self._store.variables:
+            raise unknown("variable", name, self._store.variables)
+        return self._store.variables[name]
+
+    def _skill(self, name: str) -> SkillModel:
+        if name not in self._skills:
+            raise unknown("skill", name, self._skills)
+        return self._skills[name]
+
+    def _write_as(self, name: str, value: object, writer: str, evidence_s: float | None) -> None:
+        content = self._model(name).type.convert(value)
+        try:
+            self.commands.write(name, content, writer, evidence_s)
+        except NotASourceError as error:
+            if self._knowledge is not None:
+                self._knowledge.take_down(writer, str(error))
+            raise

@@ -1,0 +1,57 @@
+"""A decision of the main execution, from its question to its answer (P1, section 3.3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.values.cell import Reading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecisionRequest:
+    """What a decision asks of context.
+
+    Attributes:
+        variable: whose value it needs.
+        max_age_s: evidence that is older does not do.
+        since_s: evidence that began to be taken before this instant does not do.
+        wait_up_to_s: how long it waits for observers.
+        shadow: whether the main execution looks in any case.
+    """
+
+    variable: str
+    max_age_s: float = math.inf
+    since_s: float = -math.inf
+    wait_up_to_s: float = 0.0
+    shadow: bool = False
+
+    def is_met(self, reading: Reading[Value], now_s: float) -> bool:
+        """Return whether a reading answers the decision at an instant."""
+        return reading.known and reading.start_s >= self.since_s and reading.age_s(now_s) <= self.max_age_s
+
+
+@dataclass(slots=True, kw_only=True)
+class Decision:
+    """A decision under way.
+
+    Attributes:
+        number: counted from 1 in a run.
+        asked_s: when it was asked.
+        reading: what context held last when it was looked up for this decision.
+        met: whether that answers it.
+        looked_s: when the main execution began to look itself.
+    """
+
+    number: int
+    request: DecisionRequest
+    asked_s: float
+    reading: Reading[Value]
+    met: bool = False
+    looked_s: float = math.nan
+
+    @property
+    def is_answered(self) -> bool:
+        """Return whether the main execution need not look."""
+        return self.met and not self.request.shadow

@@ -1,0 +1,81 @@
+"""Slots in the hands of the main execution: it goes before every observer, and waits for the jobs under way."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.context.commands import Commands
+from codra_dsl.runtime.errors import UnknownNameError, unknown
+from codra_dsl.runtime.perception.slots import Slots
+
+
+class MainExecutionSlots:
+    """Which thread of the main execution has which slots."""
+
+    def __init__(self, slots: Slots, commands: Commands, clock: Clock) -> None:
+        """Hold nothing.
+
+        Args:
+            slots: of shared resources.
+            commands: take requests.
+            clock: in which a thread waits.
+        """
+        self._slots = slots
+        self._commands = commands
+        self._clock = clock
+        self._of_thread = threading.local()
+
+    @contextmanager
+    def hold(self, resources: tuple[str, ...]) -> Iterator[None]:
+        """Hold slots; those that the thread has already, it has.
+
+        Raises:
+            UnknownNameError: if the spec has no such resource, or one without slots.
+            RuntimeError: if the thread has slots, and asks for others: two threads could wait for each other for ever.
+                Or if the clock was closed before the slots were free.
+        """
+        for resource in resources:
+            self._check(resource)
+        held = self._held()
+        wanted = tuple(name for name in dict.fromkeys(resources) if name not in held)
+        if not wanted:
+            yield
+            return
+        if held:
+            together = ", ".join(repr(name) for name in (*sorted(held), *wanted))
+            raise RuntimeError(f"slots are taken together, lest two threads wait for each other: slot({together})")
+        granted = threading.Event()
+
+        def grant() -> None:
+            granted.set()
+            self._clock.notify()
+
+        number = self._commands.request_slots(wanted, grant)
+        try:
+            if not self._clock.wait_until(granted.is_set, math.inf):
+                raise RuntimeError("the clock was closed before the slots were free")
+            held.update(dict.fromkeys(wanted))
+            yield
+        finally:
+            for resource in wanted:
+                held.pop(resource, None)
+            self._commands.release_slots(number)
+
+    def _held(self) -> dict[str, None]:
+        """Return the resources of which this thread has a slot."""
+        if not hasattr(self._of_thread, "held"):
+            self._of_thread.held = {}
+        held: dict[str, None] = self._of_thread.held
+        return held
+
+    def _check(self, resource: str) -> None:
+        if resource not in self._slots.resources:
+            raise unknown("resource", resource, self._slots.resources)
+        if self._slots.resources[resource] == math.inf:
+            raise UnknownNameError(
+                f"resource {resource!r} has no slots: use its handle, or say `slots: 1` where the spec declares it"
+            )

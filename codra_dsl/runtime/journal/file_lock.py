@@ -1,0 +1,125 @@
+"""Create the file of a new journal, without losing an unfinished one or sharing a file with another program."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import logging
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+_LOGGER = logging.getLogger(__name__)
+
+MAGIC = b"\x89MCAP0\r\n"
+_MARK = b"codra-journal"
+_MARK_WITHIN_BYTES = 4096
+
+
+def opened(path: Path) -> BinaryIO:
+    """Return a new, empty file at a path, locked for this program.
+
+    A finished journal at the path is replaced. An unfinished one is renamed to `NAME.unfinished-1.mcap`; if its writer
+    is still running, it continues to write there.
+
+    Raises:
+        OSError: if the file cannot be created, or the existing file is not a journal.
+    """
+    path = path.resolve()
+    while True:
+        try:
+            stream = path.open("x+b")
+        except FileExistsError:
+            _clear_path(path)
+            continue
+        if _lock(stream) and _is_file_at(path, stream):
+            return stream
+        stream.close()  # another program started at the same time and mistook it for an old journal
+
+
+def unlock(stream: BinaryIO) -> None:
+    """Mark a file as no longer being written, even if a child of this program still has it open."""
+    fcntl.flock(stream, fcntl.LOCK_UN)
+
+
+def is_being_written(stream: BinaryIO) -> bool:
+    """Return whether a running program is still writing a file that is open here for reading."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    unlock(stream)
+    return False
+
+
+def check_is_there(stream: BinaryIO) -> None:
+    """Raise an error if the file has been removed, so that further writes would be lost."""
+    if os.fstat(stream.fileno()).st_nlink == 0:
+        raise FileNotFoundError(errno.ENOENT, "the file was removed while it was being written")
+
+
+def _clear_path(path: Path) -> None:
+    """Remove a finished journal, move aside an unfinished one, and refuse anything else."""
+    if not path.is_file():
+        if path.exists():
+            raise OSError(
+                errno.EINVAL,
+                "it is not a regular file: choose another path",
+                str(path),
+            )
+        return
+    try:
+        old = path.open("rb")
+    except FileNotFoundError:  # another program has just moved it
+        return
+    with old:
+        is_free = _lock(old)
+        if not _is_file_at(path, old):
+            return
+        if is_free and _is_over(path, old):
+            path.unlink()
+        else:
+            _move_aside(path)
+
+
+def _is_over(path: Path, old: BinaryIO) -> bool:
+    """Return whether a file may be replaced, because it is empty or a finished journal."""
+    start = old.read(_MARK_WITHIN_BYTES)
+    if not start:
+        return True
+    if not start.startswith(MAGIC[: len(start)]) or (len(start) > len(MAGIC) and _MARK not in start):
+        raise FileExistsError(errno.EEXIST, "the file exists and is not a journal: choose another path", str(path))
+    if len(start) <= len(MAGIC):
+        return False
+    old.seek(-len(MAGIC), os.SEEK_END)
+    return old.read() == MAGIC
+
+
+def _move_aside(path: Path) -> None:
+    """Rename an unfinished journal, so that a program that starts again with the same path does not overwrite it."""
+    numbers = range(1, 1_000_000)
+    free = (path.with_name(f"{path.stem}.unfinished-{number}{path.suffix}") for number in numbers)
+    aside = next(other for other in free if not other.exists())
+    path.rename(aside)
+    _LOGGER.warning("the journal %s was not finished; it was renamed to %s", path, aside.name)
+
+
+def _lock(stream: BinaryIO) -> bool:
+    """Lock a file for this program; return False if another program has locked it."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
+
+
+def _is_file_at(path: Path, stream: BinaryIO) -> bool:
+    try:
+        at_path = path.stat()
+    except FileNotFoundError:
+        return False
+    return os.path.samestat(at_path, os.fstat(stream.fileno()))

@@ -1,0 +1,289 @@
+"""Read a journal, complete or torn.
+
+A file is torn if its writer was killed, its disk was full, or it was copied in part. Other MCAP readers look for the
+end of the file first and refuse a torn one. `JournalReader` reads the file from its start, as far as possible, and then
+the region with the records that were not in a chunk yet.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, Self
+from zlib import crc32
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import breakup_chunk
+
+from codra_dsl.runtime.journal.encoding import event_of
+from codra_dsl.runtime.journal.events import Event
+from codra_dsl.runtime.journal.file_lock import MAGIC, is_being_written
+from codra_dsl.runtime.journal.mcap_file import OPEN_CHUNK, RECORD, kept_records
+from codra_dsl.runtime.journal.run_header import FORMAT, FORMAT_VERSION, RunHeader
+from codra_dsl.runtime.journal.schemas import kind_of
+from codra_dsl.runtime.journal.spec_summary_data import outline_of
+from codra_dsl.runtime.journal.writer import OUTLINE
+
+__all__ = [
+    "Damage",
+    "JournalError",
+    "JournalReader",
+]
+
+_READ = frozenset({Opcode.METADATA, Opcode.ATTACHMENT, Opcode.CHUNK, OPEN_CHUNK})
+_MOST_BYTES = 1 << 28
+"""The maximum size of one record, or of one decompressed chunk; those of codra are a thousandth as large."""
+_CHECKSUM_BYTES = 4
+
+
+class JournalError(Exception):
+    """The file is not a journal, or nothing in it can be read."""
+
+
+@dataclass(slots=True)
+class Damage:
+    """Missing and unreadable parts of a journal, complete once the journal has been read to its end.
+
+    Attributes:
+        is_torn: whether the end of the file is missing.
+        unread: descriptions of the parts that cannot be read.
+        lost: the number of messages that are missing between others, judged by their sequence numbers.
+        regained: the number of messages that only the region of records outside chunks holds.
+    """
+
+    is_torn: bool = False
+    unread: list[str] = field(default_factory=list)
+    lost: int = 0
+    regained: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A message with its channel and schema."""
+
+    schema: Schema
+    channel: Channel
+    message: Message
+
+
+class JournalReader:
+    """Reads a journal once, from its start to its end.
+
+    Attributes:
+        metadata: metadata that tools show about the file, by name.
+        files: the attached files, by name.
+        damage: missing and unreadable parts, complete once the journal has been read to its end.
+        place: the offset of the chunk of the last message, from which its messages can be read again.
+        is_live: whether its program was still writing it when it was opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Open a journal and read the part before its messages.
+
+        Raises:
+            JournalError: if the file is not a journal.            OSError: if it cannot be read.
+        """
+        self.path = path
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.files: dict[str, bytes] = {}
+        self.damage = Damage()
+        self.place = 0
+        if path.exists() and not path.is_file():
+            raise JournalError(f"{path} is not a regular file")
+        self._stream: BinaryIO = path.open("rb")
+        self.is_live = is_being_written(self._stream)
+        self._region: tuple[int, bytes] = (0, b"")
+        self._region_is_old = False
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._next: tuple[int, int, bytes] | None = None
+        self._has_ended = False
+        try:
+            self._read_start()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    def header(self) -> RunHeader:
+        """Return the run header.
+
+        Raises:
+            JournalError: if the file has no readable run header.
+        """
+        about = self.metadata.get(FORMAT)
+        if about is None or OUTLINE not in self.files:
+            raise JournalError(f"{self.path} is an MCAP file, but not a journal of codra")
+        try:
+            if int(about["format_version"]) > FORMAT_VERSION:
+                raise JournalError(f"{self.path} was written by codra {about['codra']}, which is newer than this one")
+            return RunHeader.of(about, outline_of(json.loads(self.files[OUTLINE])))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise JournalError(f"{self.path} has no readable run header: {type(error).__name__}: {error}") from error
+
+    def events(self) -> Iterator[Event]:
+        """Yield all events, in the order in which they happened."""
+        return (event for note in self.notes() if (event := self.event(note)) is not None)
+
+    def event(self, note: RawMessage) -> Event | None:
+        """Return the event of a message; None if the message holds no event or cannot be read."""
+        kind = kind_of(note.channel.topic)
+        if kind is None:
+            return None
+        try:
+            return event_of(kind, note.message.data)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            self.damage.unread.append(f"message {note.message.sequence}: {type(error).__name__}: {error}")
+            return None
+
+    def notes(self) -> Iterator[RawMessage]:
+        """Yield all messages, in the order in which they were written."""
+        last = 0
+        for message, is_regained in self._messages():
+            channel = self._channels.get(message.channel_id)
+            schema = None if channel is None else self._schemas.get(channel.schema_id)
+            if channel is None or schema is None:
+                self.damage.unread.append(f"message {message.sequence}: its channel is missing")
+                continue
+            self.damage.lost += max(message.sequence - last - 1, 0)
+            self.damage.regained += is_regained
+            last = message.sequence
+            yield RawMessage(schema, channel, message)
+
+    def notes_from(self, place: int) -> Iterator[RawMessage]:
+        """Yield the messages from an earlier `place` on, and restart the record of damage."""
+        self._stream.seek(place)
+        self._next, self._has_ended, self._region_is_old, self.damage = None, False, False, Damage()
+        return self.notes()
+
+    def size(self) -> int:
+        """Return the current size in bytes; the file grows while a program writes it."""
+        return os.fstat(self._stream.fileno()).st_size
+
+    def _read_start(self) -> None:
+        magic = self._stream.read(len(MAGIC))
+        if magic != MAGIC:
+            raise JournalError(f"{self.path} is {'not an MCAP file' if magic else 'empty: its run had not begun'}")
+        for opcode, offset, content in self._records():
+            if opcode not in (OPEN_CHUNK, Opcode.METADATA, Opcode.ATTACHMENT):
+                self.place, self._next = offset, (opcode, offset, content)
+                break
+            try:
+                self._take_start(opcode, content)
+            except (ValueError, EndOfFile, struct.error) as error:
+                message = f"{self.path} is damaged at byte {offset}, in its run header: "
+                raise JournalError(f"{message}{type(error).__name__} {error}".rstrip()) from error
+
+    def _take_start(self, opcode: int, content: bytes) -> None:
+        """Take a record from before all messages.
+
+        The region is read before the chunks. If a program writes the file meanwhile, all chunks before the one in the
+        region already exist, so the messages that are read have no gap.
+        """
+        if opcode == OPEN_CHUNK:
+            self._region = kept_records(content)
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(_stream(content))
+            self.metadata[metadata.name] = metadata.metadata
+        else:
+            if int.from_bytes(content[-_CHECKSUM_BYTES:], "little") not in (0, crc32(content[:-_CHECKSUM_BYTES])):
+                raise ValueError("the checksum of an attachment does not match")
+            attachment = Attachment.read(_stream(content))
+            self.files[attachment.name] = attachment.data
+
+    def _messages(self) -> Iterator[tuple[Message, bool]]:
+        if self._next is not None:
+            yield from self._messages_of(*self._next)
+        for record in self._records():
+            yield from self._messages_of(*record)
+        if not self._region_is_old:
+            self.place = max(self._region[0], self.place)
+            yield from ((message, True) for message in self._taken(_split(self._region[1])))
+
+    def _messages_of(self, opcode: int, offset: int, content: bytes) -> Iterator[tuple[Message, bool]]:
+        if opcode != Opcode.CHUNK:
+            return
+        try:
+            chunk = Chunk.read(_stream(content))
+            if max(chunk.uncompressed_size, _decompressed_bytes(chunk)) > _MOST_BYTES:
+                raise ValueError(f"{chunk.uncompressed_size} bytes are too many")
+            records = breakup_chunk(chunk, validate_crc=True)
+        except Exception as error:  # noqa: BLE001 - the other chunks can be read despite any error in this one
+            self.damage.unread.append(f"the chunk at byte {offset}: {type(error).__name__}: {error}")
+            return
+        self.place = offset
+        if offset == self._region[0]:
+            self._region_is_old = True
+        yield from ((message, False) for message in self._taken(records))
+
+    def _taken(self, records: list[Any]) -> Iterator[Message]:
+        """Register channels and schemas, and yield the messages."""
+        for record in records:
+            match record:
+                case Schema():
+                    self._schemas[record.id] = record
+                case Channel():
+                    self._channels[record.id] = record
+                case Message():
+                    yield record
+
+    def _records(self) -> Iterator[tuple[int, int, bytes]]:
+        """Yield opcode, offset and content of the records up to the end of the data or of the last complete record."""
+        while not self._has_ended:
+            offset = self._stream.tell()
+            header = self._stream.read(RECORD.size)
+            opcode, length = RECORD.unpack(header) if len(header) == RECORD.size else (0, 0)
+            size = self.size()
+            left = size - offset - RECORD.size
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self._stream.seek(-len(MAGIC), 2)
+                self.damage.is_torn = self._stream.read() != MAGIC
+                self._has_ended = True
+            elif opcode == 0 or length > left:
+                self.damage.is_torn = True
+                self._has_ended = True
+                if offset < size and not self.is_live:
+                    self.damage.unread.append(f"the last {size - offset} bytes, from byte {offset} on")
+            elif opcode in _READ and length <= _MOST_BYTES:
+                yield opcode, offset, self._stream.read(length)
+            else:
+                self._stream.seek(length, 1)
+
+
+def _stream(content: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(content))
+
+
+def _decompressed_bytes(chunk: Chunk) -> int:
+    """Return the decompressed size that a chunk declares, without decompressing it."""
+    return zstandard.frame_content_size(chunk.data) if chunk.compression == "zstd" else len(chunk.data)
+
+
+def _split(records: bytes) -> list[Any]:
+    """Return the schemas, channels and messages of concatenated records."""
+    uncompressed = Chunk(
+        compression="",
+        data=records,
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=0,
+        uncompressed_size=len(records),
+    )
+    try:
+        return list(breakup_chunk(uncompressed))
+    except (struct.error, ValueError):
+        return []

@@ -1,0 +1,73 @@
+"""The run header of a journal: the spec that ran, its seed, and the versions of codra and Python."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+from codra_dsl import __version__
+from codra_dsl.runtime.journal.spec_summary import SpecSummary
+
+FORMAT = "codra-journal"
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunHeader:
+    """Describes the run.
+
+    Attributes:
+        spec: the name of the spec.
+        file: the spec's file, relative to its project; empty if the model was built by hand.
+        model: the digest of the spec's content, as in `manifest.json`; empty if the model was built by hand.
+        seed: the seed of the random numbers that jobs draw.
+        start_s: the clock's reading at the start.
+        summary: the spec summary.
+        codra: the version of codra.
+        python: the version of Python.
+    """
+
+    spec: str
+    file: str
+    model: str
+    seed: int
+    start_s: float
+    summary: SpecSummary
+    codra: str = __version__
+    python: str = ".".join(map(str, sys.version_info[:3]))
+
+    @classmethod
+    def of_run(cls, summary: SpecSummary, manifest: Mapping[str, Any], *, seed: int, start_s: float) -> Self:
+        """Return the header of a run that begins, given the manifest of its package."""
+        file, model = str(manifest.get("spec", "")), str(manifest.get("model", ""))
+        return cls(spec=summary.name, file=file, model=model, seed=seed, start_s=start_s, summary=summary)
+
+    def plain(self) -> dict[str, Any]:
+        """Return everything except the spec summary as plain data."""
+        return {
+            "format": FORMAT,
+            "format_version": FORMAT_VERSION,
+            "spec": self.spec,
+            "file": self.file,
+            "model": self.model,
+            "seed": self.seed,
+            "start_s": self.start_s,
+            "codra": self.codra,
+            "python": self.python,
+        }
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any], summary: SpecSummary) -> Self:
+        """Return the header that `plain()` and a spec summary describe."""
+        return cls(
+            spec=str(plain["spec"]),
+            file=str(plain["file"]),
+            model=str(plain["model"]),
+            seed=int(plain["seed"]),
+            start_s=float(plain["start_s"]),
+            summary=summary,
+            codra=str(plain["codra"]),
+            python=str(plain["python"]),
+        )

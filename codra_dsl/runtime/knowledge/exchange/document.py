@@ -1,0 +1,284 @@
+"""A graph in the model of RoboComp's DSR: numbered nodes, labelled edges, attributes with a type code.
+
+It holds the complete content of a file, declared in the spec or not. Values are plain Python; `spelled` returns them as
+in RoboComp's JSON: integers of 64 bits as text, since other JSON readers parse numbers as doubles.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from functools import partial
+
+MOST_NUMBER = 2**64 - 2
+"""The largest number of a node; the next number means "no node" to RoboComp."""
+
+_INTEGER = re.compile(r"[+-]?[0-9]{1,20}")
+
+
+class ExchangeError(ValueError):
+    """The input is not a graph; the message states the place, the mistake and the correction."""
+
+
+class ValueCode(IntEnum):
+    """The types of DSR's values, by their numbers in files. Values of other types are kept as JSON."""
+
+    TEXT = 0
+    INT32 = 1
+    FLOAT = 2
+    FLOATS = 3
+    BOOL = 4
+    BYTES = 5
+    UINT32 = 6
+    UINT64 = 7
+    DOUBLE = 8
+    UINT64S = 9
+    FLOATS_2 = 10
+    FLOATS_3 = 11
+    FLOATS_4 = 12
+    FLOATS_6 = 13
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrValue:
+    """The value of an attribute.
+
+    Attributes:
+        code: the number of its type, a `ValueCode` or another number.
+        value: str, int, float, bool, bytes, or a tuple of numbers. None means a number that JSON cannot represent.
+        extra: its other keys in the file.
+    """
+
+    code: int
+    value: object
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrNode:
+    """A node with a unique number and name; `extra` holds its other keys in the file."""
+
+    number: int
+    name: str
+    type: str
+    attributes: Mapping[str, DsrValue] = field(default_factory=dict)
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrEdge:
+    """An edge; two nodes have at most one edge per label and direction. `extra` holds its other keys in the file."""
+
+    origin: int
+    label: str
+    target: int
+    attributes: Mapping[str, DsrValue] = field(default_factory=dict)
+    extra: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def key(self) -> tuple[int, str, int]:
+        """Return the key that identifies the edge."""
+        return (self.origin, self.label, self.target)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DsrGraph:
+    """A graph; `extra` holds the other keys at the top of the file, `model_extra` those beside the symbols.
+
+    Nodes and edges keep their order in the file, but it has no meaning: graphs that differ only in it are equal.
+    """
+
+    nodes: tuple[DsrNode, ...] = ()
+    edges: tuple[DsrEdge, ...] = ()
+    extra: Mapping[str, object] = field(default_factory=dict)
+    model_extra: Mapping[str, object] = field(default_factory=dict)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, DsrGraph):
+            return NotImplemented
+        extras = (self.extra, self.model_extra) == (other.extra, other.model_extra)
+        return extras and self._ordered() == other._ordered()
+
+    __hash__ = None  # type: ignore[assignment]  # its content is not hashable
+
+    def _ordered(self) -> tuple[list[DsrNode], list[DsrEdge]]:
+        edges = sorted(self.edges, key=lambda edge: (edge.origin, edge.target, edge.label))
+        return sorted(self.nodes, key=lambda node: node.number), edges
+
+    def node(self, name: str) -> DsrNode:
+        """Return a node by its name.
+
+        Raises:
+            KeyError: if the name is unknown.
+        """
+        return next((node for node in self.nodes if node.name == name), None) or _no_node(name)
+
+
+def understood(code: int, given: object) -> object:
+    """Return a value of a file as plain Python.
+
+    As in RoboComp, integers and floats may be written as text, floats also with a decimal comma.
+
+    Raises:
+        ValueError: if the value does not have the type of the code.
+    """
+    reader = _READERS.get(code)
+    return given if reader is None else reader(given)
+
+
+def spelled(value: DsrValue) -> object:
+    """Return a value as in RoboComp's JSON."""
+    content = value.value
+    match value.code:
+        case ValueCode.UINT32 if isinstance(content, int):
+            return content - 2**32 if content >= 2**31 else content  # RoboComp casts it, and reads it back so
+        case ValueCode.UINT64:
+            return str(content)
+        case ValueCode.UINT64S if isinstance(content, tuple):
+            return [str(number) for number in content]
+        case _ if isinstance(content, (tuple, bytes)):
+            return [_finite(number) for number in content]
+        case _:
+            return _finite(content)
+
+
+def encode_value(content: object, code: int | None = None, extra: Mapping[str, object] | None = None) -> DsrValue:
+    """Return a plain value with the code of its type.
+
+    Args:
+        content: a value for `DsrValue.value`; lists and numpy arrays become tuples.
+        code: the preferred code, used if it can represent the value; None for the code that loses nothing.
+        extra: other keys of the value.
+
+    Raises:
+        ValueError: if no type can represent the value.
+    """
+    if code is not None and code not in _READERS:
+        return DsrValue(code=code, value=content, extra=dict(extra or {}))
+    plain = _plain(content)
+    for candidate in (*(() if code is None else (code,)), *_natural(plain)):
+        if _is_exactly(plain, candidate):
+            return DsrValue(code=candidate, value=plain, extra=dict(extra or {}))
+    raise ValueError(f"DSR has no type for {type(content).__name__} {content!r:.60}")
+
+
+def _is_exactly(plain: object, code: int) -> bool:
+    """Return whether a code represents a value without changing it."""
+    try:
+        read = understood(code, list(plain) if isinstance(plain, (tuple, bytes)) else plain)
+    except ValueError:
+        return False
+    return type(read) is type(plain) and read == plain
+
+
+def _plain(content: object) -> object:
+    item = getattr(content, "tolist", None)
+    content = item() if callable(item) else content
+    return tuple(content) if isinstance(content, list) else content
+
+
+def _natural(plain: object) -> Sequence[int]:
+    """Return the codes that may represent a value, in order of preference."""
+    if isinstance(plain, bool):
+        return (ValueCode.BOOL,)
+    if isinstance(plain, int):
+        return (ValueCode.INT32, ValueCode.UINT64, ValueCode.DOUBLE)
+    if isinstance(plain, tuple):
+        is_integral = bool(plain) and all(type(number) is int for number in plain)
+        return (ValueCode.UINT64S, ValueCode.FLOATS) if is_integral else (ValueCode.FLOATS,)
+    return {str: (ValueCode.TEXT,), bytes: (ValueCode.BYTES,), float: (ValueCode.DOUBLE,)}.get(type(plain), ())
+
+
+def _text(given: object) -> object:
+    if isinstance(given, str):
+        return given
+    raise ValueError(f"{_shown(given)} is not a text")
+
+
+def _bool(given: object) -> object:
+    if isinstance(given, bool):
+        return given
+    raise ValueError(f"{_shown(given)} is neither true nor false")
+
+
+def _integer(given: object, low: int, high: int) -> int:
+    if (isinstance(given, str) and _INTEGER.fullmatch(given)) or (isinstance(given, float) and given.is_integer()):
+        given = int(given)
+    if isinstance(given, bool) or not isinstance(given, int):
+        raise ValueError(f"{_shown(given)} is not an integer")
+    if not low <= given <= high:
+        raise ValueError(f"{_shown(given)} lies outside [{low}, {high}]")
+    return given
+
+
+def _uint32(given: object) -> object:
+    """Return an unsigned number; RoboComp writes large ones as the negative number with the same bits."""
+    return _integer(given, -(2**31), 2**32 - 1) % 2**32
+
+
+def _real(given: object) -> object:
+    if given is None:
+        return None
+    if isinstance(given, str):
+        try:
+            return float(given.replace(",", "."))
+        except ValueError:
+            raise ValueError(f"{_shown(given)} is not a number") from None
+    if isinstance(given, bool) or not isinstance(given, (int, float)):
+        raise ValueError(f"{_shown(given)} is not a number")
+    try:
+        return float(given) if float(given) == given or given != given else given
+    except OverflowError:
+        raise ValueError(f"{_shown(given)} is too large") from None
+
+
+def _list(given: object, read: Callable[[object], object], count: int | None = None) -> tuple[object, ...]:
+    if not isinstance(given, list):
+        raise ValueError(f"{_shown(given)} is not a list")
+    if count is not None and len(given) != count:
+        raise ValueError(f"there are {len(given)} numbers instead of {count}")
+    return tuple(read(number) for number in given)
+
+
+def _bytes(given: object) -> object:
+    return bytes(_integer(byte, 0, 255) for byte in _list(given, lambda byte: byte))
+
+
+def _finite(content: object) -> object:
+    """Return a number for JSON: a number that is not finite as text, which RoboComp parses as the number."""
+    return repr(content) if isinstance(content, float) and not math.isfinite(content) else content
+
+
+_uint64 = partial(_integer, low=0, high=2**64 - 1)
+
+_READERS: Mapping[int, Callable[[object], object]] = {
+    ValueCode.TEXT: _text,
+    ValueCode.INT32: partial(_integer, low=-(2**31), high=2**31 - 1),
+    ValueCode.FLOAT: _real,
+    ValueCode.FLOATS: partial(_list, read=_real),
+    ValueCode.BOOL: _bool,
+    ValueCode.BYTES: _bytes,
+    ValueCode.UINT32: _uint32,
+    ValueCode.UINT64: _uint64,
+    ValueCode.DOUBLE: _real,
+    ValueCode.UINT64S: partial(_list, read=_uint64),
+    ValueCode.FLOATS_2: partial(_list, read=_real, count=2),
+    ValueCode.FLOATS_3: partial(_list, read=_real, count=3),
+    ValueCode.FLOATS_4: partial(_list, read=_real, count=4),
+    ValueCode.FLOATS_6: partial(_list, read=_real, count=6),
+}
+
+
+def _shown(given: object) -> str:
+    if isinstance(given, (list, tuple)):
+        return "a list"
+    if given is None or isinstance(given, bool):
+        return {None: "null", True: "true", False: "false"}[given]
+    return "an object" if isinstance(given, dict) else f"{given!r:.60}"
+
+
+def _no_node(name: str) -> DsrNode:
+    raise KeyError(f"there is no node {name!r}")

@@ -1,0 +1,382 @@
+"""Read DSR's JSON, reporting mistakes with their place, and write it byte for byte as RoboComp does.
+
+Numbers with more digits than a double lose them, as in RoboComp, unless they are integers.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NoReturn, cast
+
+from codra_dsl.runtime.knowledge.exchange.document import (
+    MOST_NUMBER,
+    DsrEdge,
+    DsrGraph,
+    DsrNode,
+    DsrValue,
+    ExchangeError,
+    ValueCode,
+    spelled,
+    understood,
+)
+
+MOST_BYTES = 64 * 2**20
+"""The maximum size of a file in bytes."""
+
+DEEPEST = 40
+"""The maximum nesting depth of objects and lists."""
+
+_Json = Mapping[str, object]
+
+
+class _DuplicateKeys(dict[str, object]):
+    """An object with a duplicate key.
+
+    Attributes:
+        key: the duplicate key.
+    """
+
+    key: str = ""
+
+
+def read_dsr(path: Path | str) -> DsrGraph:
+    """Return the graph of a JSON file of RoboComp's DSR.
+
+    Raises:
+        ExchangeError: if the file cannot be read, or is not a DSR file.
+    """
+    return parse_dsr(read_text(Path(path)), str(path))
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file.
+
+    Raises:
+        ExchangeError: if it cannot be read, is too large, or is not UTF-8.
+    """
+    if path.exists() and not path.is_file():
+        raise ExchangeError(f"{path}: this is not a file")
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise ExchangeError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if len(content) > MOST_BYTES:
+        raise ExchangeError(f"{path}: it has more than {MOST_BYTES} bytes: leave out images and point clouds")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise ExchangeError(f"{path}:{line}: a byte is not valid UTF-8: save the file as UTF-8") from None
+
+
+def parse_dsr(text: str, source: str = "<text>") -> DsrGraph:
+    """Return the graph of a JSON text in the format of RoboComp's DSR.
+
+    Args:
+        text: the text of the file.
+        source: the name of the file in messages.
+
+    Raises:
+        ExchangeError: if the text is not a DSR file.
+    """
+    top = _object(_decoded(text, source), _Place(source, "$"))
+    place = _Place(source, "$").key("DSRModel")
+    if "DSRModel" not in top:
+        place.complain('the key is missing: a DSR file is {"DSRModel": {"symbols": {...}}}')
+    model = _object(top["DSRModel"], place)
+    symbols = place.key("symbols")
+    nodes, links = [], []
+    for key, symbol in _object(model.get("symbols", {}), symbols).items():
+        node, more = _node(key, symbol, symbols.key(key))
+        nodes.append(node)
+        links.extend(more)
+    _check_nodes(nodes, symbols)
+    return DsrGraph(
+        nodes=tuple(nodes),
+        edges=tuple(_edges(links, {node.number for node in nodes})),
+        extra=_without(top, "DSRModel"),
+        model_extra=_without(model, "symbols"),
+    )
+
+
+def write_dsr(path: Path | str, graph: DsrGraph) -> None:
+    """Write a graph to a JSON file for RoboComp's DSR, completely or not at all.
+
+    Raises:
+        ExchangeError: if the graph has a value that JSON cannot represent.
+    """
+    replace_file(Path(path), dsr_text(graph))
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Replace a file atomically: write a file beside it, and rename this one."""
+    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(text, encoding="utf-8")
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def dsr_text(graph: DsrGraph) -> str:
+    """Return a graph as written by RoboComp's DSR: keys in order, four spaces, empty lists on two lines.
+
+    Raises:
+        ExchangeError: if the graph has a value that JSON cannot represent.
+    """
+    links: dict[int, list[object]] = {node.number: [] for node in graph.nodes}
+    for edge in graph.edges:
+        if edge.origin not in links or edge.target not in links:
+            raise ExchangeError(
+                f"an edge {edge.label!r} goes from {edge.origin} to {edge.target}: one of the two is not a node"
+            )
+        links[edge.origin].append(
+            {
+                **edge.extra,
+                "src": str(edge.origin),
+                "dst": str(edge.target),
+                "label": edge.label,
+                "linkAttribute": _spelled(edge.attributes),
+            }
+        )
+    symbols = {
+        str(node.number): {
+            **node.extra,
+            "id": str(node.number),
+            "name": node.name,
+            "type": node.type,
+            "attribute": _spelled(node.attributes),
+            "links": links[node.number],
+        }
+        for node in graph.nodes
+    }
+    tree: object = {**graph.extra, "DSRModel": {**graph.model_extra, "symbols": symbols}}
+    check_json(tree, "<graph>")
+    return "".join((*_pieces(tree, ""), "\n"))
+
+
+def check_json(tree: object, source: str) -> None:
+    """Check that a value can be written as JSON, and was read without loss.
+
+    Raises:
+        ExchangeError: if an object has a duplicate key, a text has a lone surrogate, or the nesting is too deep.
+    """
+    waiting: list[tuple[object, _Place, int]] = [(tree, _Place(source, "$"), 1)]
+    while waiting:
+        node, place, depth = waiting.pop()
+        if isinstance(node, _DuplicateKeys):
+            place.key(node.key).complain("this key occurs twice in one object: remove one of the two")
+        if isinstance(node, str) and any("\ud800" <= character <= "\udfff" for character in node):
+            place.complain("a text with a lone surrogate (half a character) cannot be written: remove it")
+        if depth > DEEPEST:
+            place.complain(f"objects and lists are nested more than {DEEPEST} levels deep")
+        if isinstance(node, dict):
+            waiting += [(key, place, 0) for key in node]
+            waiting += [(value, place.key(str(key)), depth + 1) for key, value in node.items()]
+        elif isinstance(node, (list, tuple)):
+            waiting += [(value, place.item(at), depth + 1) for at, value in enumerate(node)]
+        elif not isinstance(node, (str, int, float, bool, type(None))):
+            place.complain(f"JSON has no {type(node).__name__}")
+
+
+# Reading
+
+
+class _Place:
+    """A place in a file, as a JSON path, whose text is only built for a message."""
+
+    __slots__ = ("_above", "_source", "_step")
+
+    def __init__(self, source: str, step: str, above: _Place | None = None) -> None:
+        self._source = source
+        self._step = step
+        self._above = above
+
+    def key(self, key: str) -> _Place:
+        """Return the place of the value of a key."""
+        return _Place(self._source, f".{key}" if key.isidentifier() else f"[{json.dumps(key)}]", self)
+
+    def item(self, at: int) -> _Place:
+        """Return the place of an item of a list."""
+        return _Place(self._source, f"[{at}]", self)
+
+    def complain(self, why: str) -> NoReturn:
+        """Raise an error about this place."""
+        steps: list[str] = []
+        place: _Place | None = self
+        while place is not None:
+            steps.append(place._step)
+            place = place._above
+        raise ExchangeError(f"{self._source}: {''.join(reversed(steps))}: {why}")
+
+
+def _decoded(text: str, source: str) -> object:
+    try:
+        tree: object = json.loads(text, object_pairs_hook=_pairs, parse_int=_int, parse_constant=_constant)
+    except json.JSONDecodeError as error:
+        raise ExchangeError(f"{source}:{error.lineno}:{error.colno}: this is not JSON: {error.msg}") from None
+    except RecursionError:
+        raise ExchangeError(f"{source}: objects and lists are nested more than {DEEPEST} levels deep") from None
+    except ValueError as error:
+        raise ExchangeError(f"{source}: this is not JSON: {error}") from None
+    check_json(tree, source)
+    return tree
+
+
+def _pairs(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    mapping = dict(pairs)
+    if len(mapping) == len(pairs):
+        return mapping
+    duplicate = _DuplicateKeys(mapping)
+    keys = [key for key, _ in pairs]
+    duplicate.key = next(key for at, key in enumerate(keys) if key in keys[:at])
+    return duplicate
+
+
+def _int(digits: str) -> int | float:
+    return -0.0 if digits == "-0" else int(digits)
+
+
+def _constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not a JSON number: write null, or the text {name!r}")
+
+
+def _object(given: object, place: _Place) -> _Json:
+    if not isinstance(given, dict):
+        place.complain("there must be an object: {...}")
+    return cast("_Json", given)
+
+
+def _node(key: str, given: object, place: _Place) -> tuple[DsrNode, list[tuple[DsrEdge, _Place]]]:
+    symbol = _object(given, place)
+    number = _number(symbol, "id", place)
+    if key != str(number):
+        place.complain(f"the symbol under this key has the id {number}: both must be the same")
+    links = symbol.get("links", [])
+    if not isinstance(links, list):
+        place.key("links").complain("there must be a list: [...]")
+    places = [place.key("links").item(at) for at in range(len(links))]
+    edges = [(_edge(_object(link, at), at), at) for link, at in zip(links, places, strict=True)]
+    node = DsrNode(
+        number=number,
+        name=_word(symbol, "name", place),
+        type=_word(symbol, "type", place),
+        attributes=_values(symbol, "attribute", place),
+        extra=_without(symbol, "id", "name", "type", "attribute", "links"),
+    )
+    return node, edges
+
+
+def _edge(link: _Json, place: _Place) -> DsrEdge:
+    return DsrEdge(
+        origin=_number(link, "src", place),
+        label=_word(link, "label", place),
+        target=_number(link, "dst", place),
+        attributes=_values(link, "linkAttribute", place),
+        extra=_without(link, "src", "dst", "label", "linkAttribute"),
+    )
+
+
+def _values(owner: _Json, key: str, place: _Place) -> dict[str, DsrValue]:
+    within = place.key(key)
+    return {name: _value(value, within.key(name)) for name, value in _object(owner.get(key, {}), within).items()}
+
+
+def _value(given: object, place: _Place) -> DsrValue:
+    described = _object(given, place)
+    if "type" not in described or "value" not in described:
+        place.complain('an attribute is {"type": NUMBER, "value": VALUE}')
+    code = described["type"]
+    if isinstance(code, bool) or not isinstance(code, int):
+        place.key("type").complain("the type of a value is an integer, such as 0 for text or 2 for a float")
+    try:
+        value = understood(code, described["value"])
+    except ValueError as error:
+        name = ValueCode(code).name.lower()
+        place.key("value").complain(f"{error}, and type {code} is {name}: change one of the two")
+    return DsrValue(code=code, value=value, extra=_without(described, "type", "value"))
+
+
+def _number(owner: _Json, key: str, place: _Place) -> int:
+    try:
+        number = cast("int", understood(ValueCode.UINT64, owner.get(key)))
+    except ValueError:
+        number = MOST_NUMBER + 1
+    if number > MOST_NUMBER:
+        place.key(key).complain(f"expected the number of a node, from 0 to {MOST_NUMBER}")
+    return number
+
+
+def _word(owner: _Json, key: str, place: _Place) -> str:
+    word = owner.get(key)
+    if not isinstance(word, str) or not word:
+        place.key(key).complain("expected a text that is not empty")
+    return word
+
+
+def _without(owner: _Json, *keys: str) -> dict[str, object]:
+    return {key: value for key, value in owner.items() if key not in keys}
+
+
+def _check_nodes(nodes: list[DsrNode], place: _Place) -> None:
+    numbers: dict[str, int] = {}
+    for node in nodes:
+        if node.name in numbers:
+            also = place.key(str(node.number)).key("name")
+            also.complain(f"{node.name!r} is also the name of node {numbers[node.name]}: names must be unique")
+        numbers[node.name] = node.number
+
+
+def _edges(links: list[tuple[DsrEdge, _Place]], numbers: set[int]) -> Iterator[DsrEdge]:
+    seen: set[tuple[int, str, int]] = set()
+    for edge, place in links:
+        for key, number in (("src", edge.origin), ("dst", edge.target)):
+            if number not in numbers:
+                place.key(key).complain(f"there is no symbol {number}: add it, or remove the link")
+        if edge.key in seen:
+            place.complain(f"there is already a link {edge.label!r} from {edge.origin} to {edge.target}")
+        seen.add(edge.key)
+        yield edge
+
+
+# Writing
+
+
+def _spelled(attributes: Mapping[str, DsrValue]) -> dict[str, object]:
+    return {
+        name: {**value.extra, "type": int(value.code), "value": spelled(value)} for name, value in attributes.items()
+    }
+
+
+def _pieces(tree: object, indent: str) -> Iterator[str]:
+    """Yield the text of JSON, indented as by Qt."""
+    within = f"{indent}    "
+    if isinstance(tree, dict):
+        ordered = sorted(tree.items(), key=lambda entry: str(entry[0]).encode("utf-16-be"))
+        yield from _enclosed("{}", [(f"{_scalar(key)}: ", value) for key, value in ordered], within, indent)
+    elif isinstance(tree, (list, tuple)):
+        yield from _enclosed("[]", [("", value) for value in tree], within, indent)
+    else:
+        yield _scalar(tree)
+
+
+def _enclosed(brackets: str, items: list[tuple[str, object]], within: str, indent: str) -> Iterator[str]:
+    yield f"{brackets[0]}\n"
+    for at, (key, value) in enumerate(items, 1):
+        yield f"{within}{key}"
+        yield from _pieces(value, within)
+        yield ",\n" if at < len(items) else "\n"
+    yield f"{indent}{brackets[1]}"
+
+
+def _scalar(content: object) -> str:
+    if isinstance(content, float) and content.is_integer() and abs(content) < 2**53 and str(content) != "-0.0":
+        content = int(content)
+    try:
+        return json.dumps(content, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        raise ExchangeError(f"JSON has no number {content!r}: make it a text") from None

@@ -1,0 +1,78 @@
+"""Poses of DSR's RT edges: Euler angles about x, then the new y, then the new z, and translations in their own unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge.exchange.document import DsrValue, ValueCode
+
+TRANSLATION = "rt_translation"
+ROTATION = "rt_rotation_euler_xyz"
+STAMPS = "rt_timestamps"
+HEAD = "rt_head_index"
+OF_RING = (TRANSLATION, ROTATION, STAMPS, HEAD)
+"""The attributes that hold the poses of an edge, the present one and earlier ones."""
+
+MILLIMETRE_M = 0.001
+
+_NO_TURN = 1e-12
+"""The cosine of the second angle below which only the sum of the other two angles is determined."""
+
+
+def pose_of(attributes: Mapping[str, DsrValue], unit_m: float) -> Pose | None:
+    """Return the present pose of an RT edge; None if it has none.
+
+    An edge with a history has several poses in a row; the one with the newest stamp is the present one. The head index
+    is not used, because its meaning depends on the version of RoboComp that wrote it.
+
+    Args:
+        attributes: the attributes of the edge.
+        unit_m: the unit of translations, in metres.
+    """
+    at = 3 * _newest(attributes.get(STAMPS))
+    moved, turned = (_three(attributes.get(name), at) for name in (TRANSLATION, ROTATION))
+    if moved is None or turned is None:
+        return None
+    x, y, z = moved
+    pose = Pose.of((unit_m * x, unit_m * y, unit_m * z))
+    for axis, angle_rad in zip(((1, 0, 0), (0, 1, 0), (0, 0, 1)), turned, strict=True):
+        pose @= Pose.about(axis, angle_rad)
+    return pose
+
+
+def attributes_of(pose: Pose, unit_m: float) -> dict[str, DsrValue]:
+    """Return the attributes of an RT edge with one pose.
+
+    Args:
+        pose: the pose of the target in the origin.
+        unit_m: the unit of translations, in metres.
+    """
+    moved = tuple(metres / unit_m for metres in pose.translation_m)
+    return {
+        TRANSLATION: DsrValue(code=ValueCode.FLOATS, value=moved),
+        ROTATION: DsrValue(code=ValueCode.FLOATS, value=_euler_rad(pose)),
+    }
+
+
+def _euler_rad(pose: Pose) -> tuple[float, float, float]:
+    (a, b, c, _), (_, e, f, _), (_, h, i, _), _ = pose.matrix()
+    cosine = math.hypot(a, b)
+    if cosine < _NO_TURN:  # the first and the third axis coincide
+        return (math.atan2(h, e), math.atan2(c, cosine), 0.0)
+    return (math.atan2(-f, i), math.atan2(c, cosine), math.atan2(-b, a))
+
+
+def _newest(stamps: DsrValue | None) -> int:
+    if stamps is None or not isinstance(stamps.value, tuple) or not stamps.value:
+        return 0
+    return stamps.value.index(max(stamps.value))
+
+
+def _three(value: DsrValue | None, at: int) -> tuple[float, float, float] | None:
+    """Return three numbers of a list from a position on, if they exist and are finite."""
+    numbers = value.value[at : at + 3] if value is not None and isinstance(value.value, tuple) else ()
+    if len(numbers) != 3 or not all(isinstance(number, (int, float)) and math.isfinite(number) for number in numbers):
+        return None
+    return (float(numbers[0]), float(numbers[1]), float(numbers[2]))

@@ -1,0 +1,300 @@
+"""The temporal filter between weights and courses: what keeps a mission from flapping (P2, section 5.2).
+
+A weight is what it was last said to be until it is said anew, and is smoothed exponentially. Between two steps the lead
+of one action over another therefore goes one way, and the instant at which it is reached or lost is worked out, not
+looked for. So a filter that is asked again when it says (`due_s`) chooses the same at the same instants, however often
+else it is asked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
+
+from codra_dsl.runtime.loops.declarations import CourseModel
+
+JUST_AFTER_S = 1e-6
+"""A filter asks to be asked again this much after an instant, so that what is due then surely is."""
+
+LEAST_LEAD = 1e-9
+"""What a lead of 0 stands for: equal weights switch nothing."""
+
+_ROUNDING_S = 1e-9
+
+
+class SwitchReason(StrEnum):
+    """Why an action is the course."""
+
+    FIRST = "first"
+    """It weighed most when the loop began."""
+
+    LEADS = "leads"
+    """It has weighed more than what ran, by the lead, for as long as is to be held."""
+
+    WORSE = "worse"
+    """The same, and within the dwell or cooldown, because a metric has become worse."""
+
+    HARD_RULE = "hard_rule"
+    """A hard rule says so."""
+
+    NOTHING_KNOWN = "nothing_known"
+    """No weight is known."""
+
+    PLANNER = "planner"
+    """A planner that took the place of the spec's says so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked:
+    """An action in the filter.
+
+    Attributes:
+        weight: what it was last said to be; None if unknown.
+        smoothed: what counts.
+        leads_since_s: since when it leads without a break; None if it does not, and for the course itself.
+    """
+
+    weight: float | None = None
+    smoothed: float | None = None
+    leads_since_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterState:
+    """All that a filter remembers.
+
+    Attributes:
+        instant_s: of its last step.
+        action: the course; empty before the first step.
+        since_s: since when; minus infinity if it was the first, and no weight was known.
+        tracked: by action.
+        left_s: when an action was last left.
+        unknown_since_s: since when no weight is known; None if one is.
+    """
+
+    instant_s: float = -math.inf
+    action: str = ""
+    since_s: float = -math.inf
+    tracked: Mapping[str, Tracked] = field(default_factory=dict)
+    left_s: Mapping[str, float] = field(default_factory=dict)
+    unknown_since_s: float | None = None
+
+    def dwell_until_s(self, model: CourseModel) -> float:
+        """Return until when the course stands."""
+        return self.since_s + model.dwell_s
+
+    def cooldown_until_s(self, model: CourseModel, action: str) -> float:
+        """Return until when an action that was left is not chosen again."""
+        return self.left_s.get(action, -math.inf) + model.cooldown_s
+
+    def resumed(self) -> FilterState:
+        """Return the state without what went on between two steps: nobody knows what weights were meanwhile."""
+        return replace(self, tracked={}, unknown_since_s=None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """What a step comes to.
+
+    Attributes:
+        state: after the step.
+        before: the state in which it was decided: smoothed and with leads, the old action still the course.
+        because: why the course is another one now; None if it is the same.
+        due_s: when the filter is to be asked again though no weight changes; infinite if it need not be.
+    """
+
+    state: FilterState
+    before: FilterState
+    because: SwitchReason | None
+    due_s: float
+
+
+def step(
+    model: CourseModel,
+    state: FilterState,
+    now_s: float,
+    weights: Mapping[str, float | None],
+    *,
+    urgent: Collection[str] = (),
+    forced: str = "",
+) -> Chosen:
+    """Take the weights of an instant, and choose.
+
+    Args:
+        model: of the course.
+        state: after the step before.
+        now_s: the instant; not before that of the state.
+        weights: of all actions that the course chooses from.
+        urgent: actions that dwell and cooldown do not hold up, because a metric has become worse.
+        forced: the action that a hard rule wants; empty if none holds.
+    """
+    tracked = {action: _tracked(model, state, action, now_s, weights[action]) for action in model.choose}
+    tracked = _with_leads(model, tracked, state.action, now_s)
+    is_known = any(each.smoothed is not None for each in tracked.values())
+    unknown_since_s = None if is_known else now_s if state.unknown_since_s is None else state.unknown_since_s
+    before = FilterState(
+        instant_s=now_s,
+        action=state.action,
+        since_s=state.since_s,
+        tracked=tracked,
+        left_s=state.left_s,
+        unknown_since_s=unknown_since_s,
+    )
+    action, because = _decided(model, before, urgent, forced)
+    if action == state.action:
+        return Chosen(state=before, before=before, because=None, due_s=_due_s(model, before, urgent, forced))
+    after = _switched(model, before, action, because)
+    return Chosen(state=after, before=before, because=because, due_s=_due_s(model, after, (), forced))
+
+
+def threshold(model: CourseModel) -> float:
+    """Return by how much a weight must exceed that of the course."""
+    return max(model.lead, LEAST_LEAD)
+
+
+def leads(model: CourseModel, weight: float | None, of_course: float | None) -> bool:
+    """Return whether a weight leads that of the course; an unknown one never does, and a known one leads it."""
+    if weight is None:
+        return False
+    return of_course is None or weight - of_course >= threshold(model)
+
+
+def _tracked(model: CourseModel, state: FilterState, action: str, now_s: float, weight: float | None) -> Tracked:
+    """Return an action as it is at an instant, with what happened to its lead since the last step."""
+    old, course = state.tracked.get(action, Tracked()), state.tracked.get(state.action, Tracked())
+    smoothed = _smoothed(model, old, now_s - state.instant_s, weight)
+    if not state.action or action == state.action:
+        return Tracked(weight=weight, smoothed=smoothed)
+    since_s = _leads_since_s(model, old, course, state.instant_s, now_s)
+    return Tracked(weight=weight, smoothed=smoothed, leads_since_s=since_s)
+
+
+def _smoothed(model: CourseModel, old: Tracked, elapsed_s: float, weight: float | None) -> float | None:
+    if weight is None or old.smoothed is None or old.weight is None or model.smooth_s <= 0.0:
+        return weight
+    return old.weight + (old.smoothed - old.weight) * math.exp(-elapsed_s / model.smooth_s)
+
+
+def _leads_since_s(model: CourseModel, old: Tracked, course: Tracked, then_s: float, now_s: float) -> float | None:
+    """Return since when an action led just before the weights of an instant are taken."""
+    if old.smoothed is None:
+        return None
+    if course.smoothed is None:
+        return old.leads_since_s
+    gap, limit = _gaps(model, old, course)
+    reach = threshold(model)
+    elapsed_s = now_s - then_s
+    present = limit + (gap - limit) * math.exp(-elapsed_s / model.smooth_s) if model.smooth_s > 0.0 else limit
+    if present < reach:
+        return None
+    if old.leads_since_s is not None:
+        return old.leads_since_s
+    crossing_s = _crossing_s(model, gap, limit)
+    return then_s + min(crossing_s, elapsed_s)
+
+
+def _gaps(model: CourseModel, one: Tracked, course: Tracked) -> tuple[float, float]:
+    """Return by how much an action leads the course, and by how much it will if nothing changes."""
+    assert one.smoothed is not None
+    assert course.smoothed is not None
+    gap = one.smoothed - course.smoothed
+    if model.smooth_s <= 0.0 or one.weight is None or course.weight is None:
+        return gap, gap
+    return gap, one.weight - course.weight
+
+
+def _crossing_s(model: CourseModel, gap: float, limit: float) -> float:
+    """Return in how many seconds a gap that goes to a limit reaches the lead; infinite if it does not."""
+    reach = threshold(model)
+    if gap >= reach:
+        return 0.0
+    if limit <= reach:
+        return math.inf
+    return model.smooth_s * math.log((limit - gap) / (limit - reach))
+
+
+def _with_leads(model: CourseModel, tracked: Mapping[str, Tracked], course: str, now_s: float) -> dict[str, Tracked]:
+    """Return all actions with their leads at an instant, those that begin there too."""
+    if not course:
+        return dict(tracked)
+    of_course = tracked[course].smoothed
+    found = {}
+    for action, each in tracked.items():
+        is_ahead = action != course and leads(model, each.smoothed, of_course)
+        since_s = now_s if each.leads_since_s is None else each.leads_since_s
+        found[action] = replace(each, leads_since_s=since_s if is_ahead else None)
+    return found
+
+
+def _decided(
+    model: CourseModel, state: FilterState, urgent: Collection[str], forced: str
+) -> tuple[str, SwitchReason | None]:
+    """Return the action to run, and why if it is another one."""
+    if forced:
+        return forced, SwitchReason.HARD_RULE
+    if not state.action:
+        best = _best(model, state, model.choose)
+        return (best, SwitchReason.FIRST) if best else (model.otherwise, SwitchReason.NOTHING_KNOWN)
+    if state.unknown_since_s is not None:
+        is_over = state.instant_s - state.unknown_since_s >= model.hold_s - _ROUNDING_S
+        return (model.otherwise if is_over else state.action), SwitchReason.NOTHING_KNOWN
+    ready = [
+        action for action in model.choose if _ready_s(model, state, action, urgent) <= state.instant_s + _ROUNDING_S
+    ]
+    best = _best(model, state, ready)
+    if not best:
+        return state.action, None
+    is_free = _free_s(model, state, best) <= state.instant_s + _ROUNDING_S
+    return best, SwitchReason.LEADS if is_free else SwitchReason.WORSE
+
+
+def _best(model: CourseModel, state: FilterState, among: Collection[str]) -> str:
+    """Return the action that weighs most; of equal ones the first, and none if no weight is known."""
+    known = [(state.tracked[action].smoothed, action) for action in model.choose if action in among]
+    weighed = [(weight, action) for weight, action in known if weight is not None]
+    return max(weighed, key=_weight)[1] if weighed else ""
+
+
+def _weight(of: tuple[float, str]) -> float:
+    return of[0]
+
+
+def _free_s(model: CourseModel, state: FilterState, action: str) -> float:
+    """Return when neither dwell nor cooldown keep an action from being chosen."""
+    return max(state.dwell_until_s(model), state.cooldown_until_s(model, action))
+
+
+def _ready_s(model: CourseModel, state: FilterState, action: str, urgent: Collection[str]) -> float:
+    """Return when an action can be chosen if no weight changes; infinite if then it cannot."""
+    each, course = state.tracked[action], state.tracked[state.action]
+    if action == state.action or each.smoothed is None:
+        return math.inf
+    leads_s = each.leads_since_s
+    if leads_s is None:
+        leads_s = state.instant_s + _crossing_s(model, *_gaps(model, each, course))
+    held_s = leads_s + model.hold_s
+    return held_s if action in urgent else max(held_s, _free_s(model, state, action))
+
+
+def _due_s(model: CourseModel, state: FilterState, urgent: Collection[str], forced: str) -> float:
+    if forced:
+        return math.inf
+    if state.unknown_since_s is not None:
+        is_left = state.action == model.otherwise
+        return math.inf if is_left else state.unknown_since_s + model.hold_s + JUST_AFTER_S
+    return min(_ready_s(model, state, action, urgent) for action in model.choose) + JUST_AFTER_S
+
+
+def _switched(model: CourseModel, before: FilterState, action: str, because: SwitchReason | None) -> FilterState:
+    now_s = before.instant_s
+    fresh = {name: replace(each, leads_since_s=None) for name, each in before.tracked.items()}
+    is_makeshift = not before.action and because is SwitchReason.NOTHING_KNOWN  # nothing was known to be dwelt on
+    return replace(
+        before,
+        action=action,
+        since_s=-math.inf if is_makeshift else now_s,
+        tracked=_with_leads(model, fresh, action, now_s),
+        left_s={**before.left_s, before.action: now_s} if before.action else before.left_s,
+    )

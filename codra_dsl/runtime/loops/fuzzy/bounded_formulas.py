@@ -1,0 +1,52 @@
+"""Formulas when their operands are intervals."""
+
+from __future__ import annotations
+
+import math
+
+from codra_dsl.runtime.loops.fuzzy.bounds import ANYTHING, Bounds, absolute, hull, is_finite, point
+from codra_dsl.runtime.loops.fuzzy.formulas import calculate as of_numbers
+
+_CURVES = frozenset({"exp", "log", "log10", "log1p", "sqrt", "sinh", "asinh", "tanh", "asin", "atan", "acosh", "atanh"})
+_RISING = _CURVES | {"floor", "ceil", "round", ".+", "+", "min", "max"}
+_FALLING = frozenset({"acos", "~", ".-"})
+_LOGICAL = frozenset({"gt", "ge", "eq", "neq", "le", "lt", "and", "or", "!"})
+_ROUNDING = 1e-12
+
+
+def calculate(name: str, *operands: Bounds) -> Bounds:
+    """Return what an operator or function can make of its operands; anything, where that is not told easily."""
+    if name in _LOGICAL:
+        return Bounds(0.0, 1.0)
+    if all(each.low == each.high and not each.may_be_unknown for each in operands):
+        return point(of_numbers(name, *(each.low for each in operands)))
+    if not all(map(is_finite, operands)):
+        return ANYTHING
+    lows, highs = [each.low for each in operands], [each.high for each in operands]
+    if name in _RISING:
+        return _finite([of_numbers(name, *lows), of_numbers(name, *highs)])
+    if name in _FALLING:
+        return _finite([of_numbers(name, *highs), of_numbers(name, *lows)])
+    if name in ("abs", "fabs"):
+        return absolute(operands[0])
+    if name in ("sin", "cos"):
+        return Bounds(-1.0, 1.0)
+    return _of_two(name, *operands)
+
+
+def _of_two(name: str, a: Bounds, b: Bounds = ANYTHING) -> Bounds:
+    if name == "-":
+        return _finite([a.low - b.high, a.high - b.low])
+    if name == "*" or (name == "/" and b.low * b.high > 0.0):
+        return _finite([of_numbers(name, x, y) for x in a[:2] for y in b[:2]])
+    if name in ("^", "**", "pow") and a.low > 0.0:
+        return _finite([of_numbers(name, x, y) for x in a[:2] for y in b[:2]])
+    return ANYTHING
+
+
+def _finite(values: list[float]) -> Bounds:
+    found = hull(values)
+    if not is_finite(found):
+        return ANYTHING
+    slack = _ROUNDING * max(abs(found.low), abs(found.high), math.ulp(0.0))
+    return Bounds(found.low - slack, found.high + slack)

@@ -1,0 +1,198 @@
+"""Output variables when degrees are intervals.
+
+An integral is bounded by the envelope of its fuzzy set: the least and the greatest degree at each point. The extreme
+centroids within an envelope take the greatest degrees on one side of a cut and the least on the other (Karnik and
+Mendel's theorem about interval type-2 sets); so do extreme weighted means.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from codra_dsl.runtime.loops.fuzzy import defuzzifiers, norms
+from codra_dsl.runtime.loops.fuzzy.bounds import ANYTHING, UNKNOWN, Bounds, is_degree, is_finite, norm
+from codra_dsl.runtime.loops.fuzzy.outputs import Defuzzify, Integral, Weighted
+from codra_dsl.runtime.loops.fuzzy.sampled import OF_SAMPLES, Norm, Samples
+
+Degrees = Sequence[Bounds | None]
+Value = Bounds | Callable[[Bounds], Bounds]
+
+_ROUNDING = 1e-9
+"""By what share of the largest number in a sum its result is widened."""
+
+
+def settled(degree: Bounds) -> Bounds:
+    """Return the degrees with which a conclusion counts: 0 for NaN, and infinite ones as their nearest end."""
+    low, high = degree.low, degree.high
+    if degree.may_be_unknown:
+        low, high = min(low, 0.0), max(high, 0.0)
+    low, high = (min(low, 1.0) if high == math.inf else low), (max(high, 0.0) if low == -math.inf else high)
+    return Bounds(low, high)
+
+
+def _widened(low: float, high: float, scale: float, *, may_be_unknown: bool) -> Bounds:
+    slack = _ROUNDING * scale
+    return Bounds(low - slack, high + slack, may_be_unknown)
+
+
+def degree_so_far(aggregation: Norm, degrees: Degrees) -> Bounds:
+    """Return how far an output can be a term by the conclusions before this rule."""
+    return grouped(aggregation, (0,) * len(degrees), degrees).get(0, Bounds(0.0, 0.0))
+
+
+def grouped(aggregation: Norm, conclusions: Sequence[int], degrees: Degrees) -> dict[int, Bounds]:
+    """Return the degree that each term can have, aggregated."""
+    groups: dict[int, Bounds] = {}
+    for term, degree in zip(conclusions, degrees, strict=True):
+        if degree is not None:
+            counted = settled(degree)
+            groups[term] = settled(norm(aggregation, groups[term], counted)) if term in groups else counted
+    return groups
+
+
+def integral(
+    output: Integral, degrees: Degrees, memberships: Sequence[Callable[[Bounds], Bounds]] | None = None
+) -> Bounds:
+    """Return what an integral can come to; memberships are given where they depend on inputs."""
+    envelope = _envelope(output, degrees, _samples(output, memberships))
+    if envelope is None:
+        return ANYTHING
+    lows, highs = envelope
+    if not highs.any():
+        return UNKNOWN
+    low, high = _DEFUZZIFIERS[output.defuzzify](output.points, lows, highs)
+    scale = max(abs(output.minimum), abs(output.maximum))
+    return _widened(low, high, scale, may_be_unknown=not lows.any())
+
+
+def _samples(
+    output: Integral, memberships: Sequence[Callable[[Bounds], Bounds]] | None
+) -> list[tuple[Samples, Samples]] | None:
+    if memberships is None:
+        return [(samples, samples) for samples in output.terms] if output.is_plain else None
+    points = output.points.tolist()
+    rows = [[membership(Bounds(x, x)) for x in points] for membership in memberships]
+    if not all(is_degree(each) for row in rows for each in row):
+        return None
+    return [(np.array([each.low for each in row]), np.array([each.high for each in row])) for row in rows]
+
+
+def _envelope(
+    output: Integral, degrees: Degrees, terms: list[tuple[Samples, Samples]] | None
+) -> tuple[Samples, Samples] | None:
+    """Return the least and greatest degrees at each point, or None where they cannot be told."""
+    if terms is None:
+        return None
+    lows, highs = np.zeros(output.resolution), np.zeros(output.resolution)
+    aggregate = OF_SAMPLES[output.aggregation]
+    with np.errstate(all="ignore"):
+        for conclusion, degree in zip(output.conclusions, degrees, strict=True):
+            if degree is None:
+                continue
+            counted, imply = settled(degree), OF_SAMPLES[conclusion.implication]
+            is_strong = conclusion.implication is norms.minimum and output.aggregation is norms.maximum
+            if not (is_degree(counted) or (is_strong and is_finite(counted) and counted.low >= 0.0)):
+                return None
+            lows = aggregate(lows, imply(counted.low, terms[conclusion.term][0]))
+            highs = aggregate(highs, imply(counted.high, terms[conclusion.term][1]))
+    return lows, highs
+
+
+def _centroid(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
+    return _extreme_means(xs, xs, lows, highs)
+
+
+def _extreme_means(x_lows: Samples, x_highs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
+    """Return the least and the greatest mean of values with such weights; some weight can be above 0."""
+    first, last = np.argsort(x_lows, kind="stable"), np.argsort(x_highs, kind="stable")
+    least = _means_by_cut(x_lows[first], highs[first], lows[first])
+    greatest = _means_by_cut(x_highs[last], lows[last], highs[last])
+    return float(np.nanmin(least)), float(np.nanmax(greatest))
+
+
+def _means_by_cut(xs: Samples, before: Samples, after: Samples) -> Samples:
+    """Return the means with the one weights before a cut and the other ones after it, for each cut."""
+    weights = _sums_by_cut(before, after)
+    with np.errstate(all="ignore"):
+        return np.where(weights > 0.0, _sums_by_cut(xs * before, xs * after) / weights, math.nan)
+
+
+def _sums_by_cut(before: Samples, after: Samples) -> Samples:
+    left = np.concatenate(([0.0], np.cumsum(before)))
+    right = np.concatenate((np.cumsum(after[::-1])[::-1], [0.0]))
+    return left + right
+
+
+def _bisector(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
+    """Return the ends of the points that can be nearest to halving the area."""
+    low_left, high_left = np.cumsum(lows), np.cumsum(highs)
+    low_right, high_right = low_left[-1] - low_left, high_left[-1] - high_left
+    with np.errstate(all="ignore"):
+        least = np.nan_to_num(low_left / (low_left + high_right), nan=0.0)
+        most = np.nan_to_num(high_left / (high_left + low_right), nan=1.0)
+    farthest = np.maximum(np.abs(least - 0.5), np.abs(most - 0.5))
+    nearest = np.where((least <= 0.5) & (most >= 0.5), 0.0, np.minimum(np.abs(least - 0.5), np.abs(most - 0.5)))
+    can = xs[nearest <= farthest.min() + _ROUNDING]
+    return float(can.min()), float(can.max())
+
+
+def _maxima(xs: Samples, lows: Samples, highs: Samples) -> tuple[float, float]:
+    """Return the ends of the points that can have the greatest degree."""
+    can = xs[(highs > 0.0) & (highs >= lows.max() - _ROUNDING)]
+    return float(can.min()), float(can.max())
+
+
+_DEFUZZIFIERS: Mapping[Defuzzify, Callable[[Samples, Samples, Samples], tuple[float, float]]] = MappingProxyType(
+    {
+        defuzzifiers.centroid: _centroid,
+        defuzzifiers.bisector: _bisector,
+        defuzzifiers.smallest_of_maximum: _maxima,
+        defuzzifiers.mean_of_maximum: _maxima,
+        defuzzifiers.largest_of_maximum: _maxima,
+    }
+)
+
+
+def average(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
+    """Return what the weighted mean of an output's values can be."""
+    parts = _weighted(output, degrees, values)
+    if parts is None:
+        return ANYTHING
+    weights = [weight for weight, _ in parts if weight.high > 0.0]
+    numbers = [value for weight, value in parts if weight.high > 0.0]
+    if not weights:
+        return UNKNOWN
+    lows, highs = np.array([each.low for each in weights]), np.array([each.high for each in weights])
+    least, greatest = np.array([each.low for each in numbers]), np.array([each.high for each in numbers])
+    low, high = _extreme_means(least, greatest, lows, highs)
+    scale = float(max(np.abs(least).max(), np.abs(greatest).max()))
+    return _widened(low, high, scale, may_be_unknown=not lows.any())
+
+
+def total(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> Bounds:
+    """Return what the sum of an output's values times their degrees can be."""
+    parts = _weighted(output, degrees, values)
+    if parts is None:
+        return ANYTHING
+    if not any(weight.high > 0.0 for weight, _ in parts):
+        return UNKNOWN
+    low = sum(min(weight.low * value.low, weight.high * value.low) for weight, value in parts)
+    high = sum(max(weight.low * value.high, weight.high * value.high) for weight, value in parts)
+    scale = sum(weight.high * max(abs(value.low), abs(value.high)) for weight, value in parts)
+    return _widened(low, high, scale, may_be_unknown=not any(weight.low > 0.0 for weight, _ in parts))
+
+
+def _weighted(output: Weighted, degrees: Degrees, values: Sequence[Value]) -> list[tuple[Bounds, Bounds]] | None:
+    """Return the weights and values of the terms that count, or None where they cannot be told."""
+    parts = []
+    for term, weight in grouped(output.aggregation, output.conclusions, degrees).items():
+        value = values[term]
+        number = value if isinstance(value, Bounds) else value(weight)
+        if weight.low < 0.0 or not is_finite(weight) or not is_finite(number):
+            return None
+        parts.append((weight, number))
+    return parts

@@ -1,0 +1,238 @@
+"""Inference with unknown inputs: every value is an interval that holds all that it can be.
+
+A compiled engine has two functions of one form: `infer` with numbers, and `infer_bounds`, which calls what is here with
+the same functions of `terms`, `norms` and `hedges`. Norms and hedges are monotone on degrees, so their ends suffice;
+terms are monotone between their knees, so ends and knees do. Where that does not hold, all numbers are the answer.
+Two mentions of one input count as if they were two inputs: the interval may be too wide, never too narrow; `refined`
+narrows it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from codra_dsl.runtime.loops.fuzzy import hedges, norms
+from codra_dsl.runtime.loops.fuzzy.breakpoints import COMPOSITES, KNEES
+
+MOST_BOXES = 4096
+"""How many boxes `refined` cuts the inputs into at most."""
+
+
+class End(Enum):
+    """Which end of an interval counts."""
+
+    LOW = "low"
+    HIGH = "high"
+
+
+class Bounds(NamedTuple):
+    """All that a value can be: from low to high, both included, and perhaps unknown (NaN).
+
+    What is surely unknown has NaN for both ends.
+    """
+
+    low: float
+    high: float
+    may_be_unknown: bool = False
+
+    def worse(self, end: End) -> float:
+        """Return the end that counts; NaN if the value may be unknown."""
+        if self.may_be_unknown:
+            return math.nan
+        return self.low if end is End.LOW else self.high
+
+    def holds(self, value: float) -> bool:
+        """Return whether a value is among them."""
+        return self.may_be_unknown if value != value else self.low <= value <= self.high
+
+
+class BoundedInference(NamedTuple):
+    """What one call of an engine can come to.
+
+    Attributes:
+        values: of the outputs, in the engine's order.
+        strengths: of the rules, weighted.
+    """
+
+    values: tuple[Bounds, ...]
+    strengths: tuple[Bounds, ...]
+
+
+ANYTHING = Bounds(-math.inf, math.inf, may_be_unknown=True)
+UNKNOWN = Bounds(math.nan, math.nan, may_be_unknown=True)
+
+_EXACT = frozenset({norms.minimum, norms.maximum, norms.bounded_sum, norms.unbounded_sum, norms.bounded_difference})
+"""The norms that grow with either side everywhere, after rounding too."""
+
+_ROUNDING = 1e-15
+"""By how much other norms are widened: one that jumps must see what rounding may have moved."""
+
+
+def point(value: float) -> Bounds:
+    """Return the interval of one value; anything, if it is no number."""
+    return Bounds(value, value) if value - value == 0.0 else ANYTHING
+
+
+def is_degree(bounds: Bounds) -> bool:
+    """Return whether all values are degrees: from 0 to 1, none unknown."""
+    return bounds.low >= 0.0 and bounds.high <= 1.0 and not bounds.may_be_unknown
+
+
+def is_finite(bounds: Bounds) -> bool:
+    """Return whether all values are numbers and neither end is infinite."""
+    return bounds.high - bounds.low < math.inf and not bounds.may_be_unknown
+
+
+def hull(values: Iterable[float]) -> Bounds:
+    """Return the interval from the least to the greatest value; anything, if one is NaN."""
+    found = list(values)
+    if any(value != value for value in found):
+        return ANYTHING
+    return Bounds(min(found), max(found))
+
+
+def joined(one: Bounds, other: Bounds) -> Bounds:
+    """Return what holds the values of both."""
+    may_be_unknown = one.may_be_unknown or other.may_be_unknown
+    if one.low != one.low:
+        return Bounds(other.low, other.high, may_be_unknown)
+    if other.low != other.low:
+        return Bounds(one.low, one.high, may_be_unknown)
+    return Bounds(min(one.low, other.low), max(one.high, other.high), may_be_unknown)
+
+
+def image(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
+    """Return the degrees that a term can have."""
+    if x.may_be_unknown:
+        return ANYTHING
+    if x.low == x.high:
+        return hull([term(x.low, *parameters)])
+    if term in COMPOSITES:
+        return _composite(term, x, *parameters)
+    beside = (
+        place
+        for knee in KNEES[term](*parameters)
+        for place in (math.nextafter(knee, -math.inf), knee, math.nextafter(knee, math.inf))
+    )
+    places = [x.low, x.high, *(place for place in beside if x.low < place < x.high)]
+    return hull(term(place, *parameters) for place in places)
+
+
+def _composite(term: Callable[..., float], x: Bounds, *parameters: object) -> Bounds:
+    parts, joins = COMPOSITES[term]
+    first, second = (image(part, x, *chosen) for part, chosen in parts(*parameters))
+    if not (is_finite(first) and is_finite(second)):
+        return ANYTHING
+    height = joins(*parameters)
+    if term.__name__ == "sigmoid_difference":
+        return times(height, absolute(Bounds(first.low - second.high, first.high - second.low)))
+    return times(height, Bounds(first.low * second.low, first.high * second.high))
+
+
+def inverse(term: Callable[..., float], y: Bounds, *parameters: float) -> Bounds:
+    """Return where a monotone term can have these degrees."""
+    if not is_degree(y):
+        return ANYTHING
+    return hull([term(y.low, *parameters), term(y.high, *parameters)])
+
+
+def linear(inputs: Sequence[Bounds], coefficients: Sequence[float]) -> Bounds:
+    """Return the sum of inputs times their coefficients, and the constant that is left over, if any."""
+    total = point(coefficients[-1] if len(coefficients) > len(inputs) else 0.0)
+    for coefficient, value in zip(coefficients, inputs, strict=False):
+        part = times(coefficient, value)
+        total = Bounds(total.low + part.low, total.high + part.high, total.may_be_unknown or part.may_be_unknown)
+    return total if is_finite(total) else ANYTHING
+
+
+def times(factor: float, bounds: Bounds) -> Bounds:
+    """Return the values times a number."""
+    if not is_finite(bounds):
+        return ANYTHING
+    return hull([factor * bounds.low, factor * bounds.high])
+
+
+def absolute(bounds: Bounds) -> Bounds:
+    """Return the values without their sign."""
+    ends = [abs(bounds.low), abs(bounds.high)]
+    return Bounds(0.0 if bounds.low <= 0.0 <= bounds.high else min(ends), max(ends), bounds.may_be_unknown)
+
+
+def norm(of: Callable[[float, float], float], a: Bounds, b: Bounds) -> Bounds:
+    """Return what a norm can make of two degrees."""
+    if a.low == a.high and b.low == b.high:
+        return point(of(a.low, b.low))
+    if of in _EXACT and is_finite(a) and is_finite(b):
+        return Bounds(of(a.low, b.low), of(a.high, b.high))
+    if is_degree(a) and is_degree(b):
+        return Bounds(max(0.0, of(a.low, b.low) - _ROUNDING), min(1.0, of(a.high, b.high) + _ROUNDING))
+    return ANYTHING
+
+
+def hedge(of: Callable[[float], float], x: Bounds) -> Bounds:
+    """Return what a hedge can make of a degree."""
+    if of is hedges.any_:
+        return point(1.0)
+    if of is hedges.not_ and is_finite(x):
+        return Bounds(1.0 - x.high, 1.0 - x.low)
+    return Bounds(of(x.low), of(x.high)) if is_degree(x) else ANYTHING
+
+
+def clipped(bounds: Bounds, minimum: float, maximum: float) -> Bounds:
+    """Return the nearest values in a range; unknown stays unknown."""
+    if bounds.low != bounds.low:
+        return bounds
+    low, high = (min(max(end, minimum), maximum) for end in bounds[:2])
+    return Bounds(low, high, bounds.may_be_unknown)
+
+
+def known(bounds: Bounds, *substitutes: Bounds) -> Bounds:
+    """Return the values with those of the substitutes that stand where it is unknown: the previous one, the default."""
+    for substitute in substitutes:
+        if not bounds.may_be_unknown:
+            break
+        certain = Bounds(bounds.low, bounds.high)
+        bounds = joined(certain, substitute)
+    return bounds
+
+
+class InferBounds(Protocol):
+    """The second function of a compiled engine."""
+
+    def __call__(self, *inputs: Bounds) -> BoundedInference:
+        """Return what the engine can come to."""
+        ...
+
+
+def refined(infer: InferBounds, inputs: Sequence[Bounds], *, pieces: int) -> BoundedInference:
+    """Return narrower bounds: the union of those of each box, when every unknown input is cut in so many pieces.
+
+    The union holds all that the inputs allow, as one call does. Inputs that are infinite are not cut, and there are at
+    most MOST_BOXES boxes: then pieces are fewer.
+    """
+    open_ones = sum(1 for each in inputs if each.low < each.high and is_finite(each))
+    while pieces > 1 and pieces**open_ones > MOST_BOXES:
+        pieces -= 1
+    found: BoundedInference | None = None
+    for box in itertools.product(*(_cut(each, pieces) for each in inputs)):
+        each = infer(*box)
+        found = each if found is None else _both(found, each)
+    return infer(*inputs) if found is None else found
+
+
+def _cut(bounds: Bounds, pieces: int) -> list[Bounds]:
+    if not (bounds.low < bounds.high and is_finite(bounds)):
+        return [bounds]
+    ends = [bounds.low + (bounds.high - bounds.low) * index / pieces for index in range(pieces)] + [bounds.high]
+    return [Bounds(low, max(low, high)) for low, high in itertools.pairwise(ends)]
+
+
+def _both(one: BoundedInference, other: BoundedInference) -> BoundedInference:
+    return BoundedInference(
+        values=tuple(map(joined, one.values, other.values)),
+        strengths=tuple(map(joined, one.strengths, other.strengths)),
+    )

@@ -1,0 +1,63 @@
+"""Between which places membership functions rise or fall only: what their bounds are worked out from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from types import MappingProxyType
+
+from codra_dsl.runtime.loops.fuzzy import terms
+
+Parts = tuple[tuple[Callable[..., float], tuple[float, ...]], tuple[Callable[..., float], tuple[float, ...]]]
+
+
+def _height(*parameters: float) -> float:
+    return parameters[4] if len(parameters) > 4 else 1.0
+
+
+def _slopes(bottom_left: float, top_left: float, top_right: float, bottom_right: float, *_: float) -> Parts:
+    return (terms.s_shape, (bottom_left, top_left)), (terms.z_shape, (top_right, bottom_right))
+
+
+def _sigmoids(left: float, rising: float, falling: float, right: float, *_: float) -> Parts:
+    return (terms.sigmoid, (left, rising)), (terms.sigmoid, (right, falling))
+
+
+def _gaussian_product(mean_a: float, deviation_a: float, mean_b: float, deviation_b: float, *_: float) -> list[float]:
+    """The means and, where the halves overlap, the top of their product."""
+    first, second = deviation_a * deviation_a, deviation_b * deviation_b
+    top = [(mean_a * second + mean_b * first) / (first + second)] if first + second > 0.0 else []
+    return [mean_a, mean_b, *top]
+
+
+KNEES: Mapping[Callable[..., float], Callable[..., Iterable[float]]] = MappingProxyType(
+    {
+        terms.arc: lambda start, end, *_: (start, end),
+        terms.bell: lambda center, *_: (center,),
+        terms.binary: lambda start, *_: (start,),
+        terms.concave: lambda inflection, end, *_: (inflection, end),
+        terms.constant: lambda *_: (),
+        terms.cosine: lambda center, width, *_: (center - 0.5 * width, center, center + 0.5 * width),
+        terms.discrete: lambda xs, *_: xs,
+        terms.gaussian: lambda mean, *_: (mean,),
+        terms.gaussian_product: _gaussian_product,
+        terms.ramp: lambda start, end, *_: (start, end),
+        terms.rectangle: lambda start, end, *_: (start, end),
+        terms.semi_ellipse: lambda start, end, *_: (start, (start + end) / 2.0, end),
+        terms.sigmoid: lambda *_: (),
+        terms.spike: lambda center, *_: (center,),
+        terms.s_shape: lambda start, end, *_: (start, 0.5 * (start + end), end),
+        terms.trapezoid: lambda a, b, c, d, *_: (a, b, c, d),
+        terms.triangle: lambda left, top, right, *_: (left, top, right),
+        terms.z_shape: lambda start, end, *_: (start, 0.5 * (start + end), end),
+    }
+)
+"""The places of a term, from its parameters."""
+
+COMPOSITES: Mapping[Callable[..., float], tuple[Callable[..., Parts], Callable[..., float]]] = MappingProxyType(
+    {
+        terms.pi_shape: (_slopes, _height),
+        terms.sigmoid_difference: (_sigmoids, _height),
+        terms.sigmoid_product: (_sigmoids, _height),
+    }
+)
+"""Terms that are made of two others, with their parameters and the height of the whole."""

@@ -1,0 +1,87 @@
+"""The operators and functions that a formula of a `Function` term may use, of plain numbers.
+
+They are numpy's, so that every result outside their domain is what FuzzyLite has: NaN or infinite, never an exception.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from codra_dsl.runtime.loops.fuzzy.terms import divided
+
+UFUNCS: Mapping[str, np.ufunc] = MappingProxyType(
+    {
+        "!": np.logical_not,
+        "^": np.float_power,
+        "**": np.float_power,
+        "%": np.remainder,
+        "and": np.logical_and,
+        "or": np.logical_or,
+        "acos": np.arccos,
+        "asin": np.arcsin,
+        "atan": np.arctan,
+        "ceil": np.ceil,
+        "cos": np.cos,
+        "cosh": np.cosh,
+        "exp": np.exp,
+        "abs": np.fabs,
+        "fabs": np.fabs,
+        "floor": np.floor,
+        "log": np.log,
+        "log10": np.log10,
+        "round": np.rint,
+        "sin": np.sin,
+        "sinh": np.sinh,
+        "sqrt": np.sqrt,
+        "tan": np.tan,
+        "tanh": np.tanh,
+        "log1p": np.log1p,
+        "acosh": np.arccosh,
+        "asinh": np.arcsinh,
+        "atanh": np.arctanh,
+        "pow": np.float_power,
+        "atan2": np.arctan2,
+        "fmod": np.fmod,
+    }
+)
+"""What numpy computes."""
+
+
+def _same(a: float, b: float) -> bool:
+    return a == b or (a != a and b != b)
+
+
+PLAIN: Mapping[str, Callable[..., float]] = MappingProxyType(
+    {
+        "~": lambda a: -a,
+        ".-": lambda a: -a,
+        ".+": lambda a: a,
+        "+": lambda a, b: a + b,
+        "-": lambda a, b: a - b,
+        "*": lambda a, b: a * b,
+        "/": divided,
+        "gt": lambda a, b: float(a > b),
+        "ge": lambda a, b: float(a >= b or _same(a, b)),
+        "eq": lambda a, b: float(_same(a, b)),
+        "neq": lambda a, b: float(not _same(a, b)),
+        "le": lambda a, b: float(a <= b or _same(a, b)),
+        "lt": lambda a, b: float(a < b),
+        "min": min,
+        "max": max,
+        "pi": lambda: math.pi,
+    }
+)
+"""What needs no numpy."""
+
+
+def calculate(name: str, *operands: float) -> float:
+    """Return what an operator or function makes of its operands."""
+    plain = PLAIN.get(name)
+    if plain is not None:
+        return plain(*operands)
+    with np.errstate(all="ignore"):
+        return float(UFUNCS[name](*operands))

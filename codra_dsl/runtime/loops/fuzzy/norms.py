@@ -1,0 +1,95 @@
+"""T-norms (and) and S-norms (or) of two degrees, one function a norm. NaN counts as in FuzzyLite."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.loops.fuzzy.terms import divided
+
+
+def algebraic_product(a: float, b: float) -> float:
+    """Return a b."""
+    return a * b
+
+
+def bounded_difference(a: float, b: float) -> float:
+    """Return max(0, a + b - 1)."""
+    rest = a + b - 1.0
+    return 0.0 if rest < 0.0 else rest
+
+
+def drastic_product(a: float, b: float) -> float:
+    """Return the lesser one if the greater one is 1, otherwise 0."""
+    return minimum(a, b) if maximum(a, b) == 1.0 else 0.0
+
+
+def einstein_product(a: float, b: float) -> float:
+    """Return a b / (2 - (a + b - a b))."""
+    return divided(a * b, 2.0 - (a + b - a * b))
+
+
+def hamacher_product(a: float, b: float) -> float:
+    """Return a b / (a + b - a b), and 0 of two zeros."""
+    return divided(a * b, a + b - a * b) if a + b != 0.0 else 0.0
+
+
+def minimum(a: float, b: float) -> float:
+    """Return the lesser one, NaN if one is NaN."""
+    return a if a < b or a != a else b
+
+
+def nilpotent_minimum(a: float, b: float) -> float:
+    """Return the lesser one if a + b is more than 1, otherwise 0."""
+    return minimum(a, b) if a + b > 1.0 else 0.0
+
+
+def algebraic_sum(a: float, b: float) -> float:
+    """Return a + b - a b."""
+    return a + b - a * b
+
+
+def bounded_sum(a: float, b: float) -> float:
+    """Return min(1, a + b)."""
+    total = a + b
+    return 1.0 if total > 1.0 else total
+
+
+def drastic_sum(a: float, b: float) -> float:
+    """Return the greater one if the lesser one is 0, otherwise 1."""
+    return maximum(a, b) if minimum(a, b) == 0.0 else 1.0
+
+
+def einstein_sum(a: float, b: float) -> float:
+    """Return (a + b) / (1 + a b)."""
+    return divided(a + b, 1.0 + a * b)
+
+
+def hamacher_sum(a: float, b: float) -> float:
+    """Return (a + b - 2 a b) / (1 - a b), and 1 where a b is 1.
+
+    Near 1 it is computed by what is missing to 1: as it stands both differences are nothing but rounding there.
+    """
+    if (a > 0.5 or b > 0.5) and a * b != 1.0:
+        missing_a, missing_b = 1.0 - a, 1.0 - b
+        both = missing_a * missing_b
+        return 1.0 - divided(both, missing_a + missing_b - both)
+    return divided(a + b - 2.0 * a * b, 1.0 - a * b) if a * b != 1.0 else 1.0
+
+
+def maximum(a: float, b: float) -> float:
+    """Return the greater one, NaN if one is NaN."""
+    return a if a > b or a != a else b
+
+
+def nilpotent_maximum(a: float, b: float) -> float:
+    """Return the greater one if a + b is less than 1, otherwise 1."""
+    return maximum(a, b) if a + b < 1.0 else 1.0
+
+
+def normalized_sum(a: float, b: float) -> float:
+    """Return (a + b) / max(1, a + b)."""
+    total = a + b
+    return total / maximum(1.0, total)
+
+
+def unbounded_sum(a: float, b: float) -> float:
+    """Return a + b, which can be more than 1."""
+    return a + b

@@ -1,0 +1,121 @@
+"""What analysis is made from: readings of context at one instant, and rates of change over their histories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.loops.declarations import InputModel, RateModel
+from codra_dsl.runtime.loops.fuzzy.bounds import Bounds, point
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Reading
+
+LEAST_SHARE = 0.5
+"""How much of a rate's window the readings must span."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What is known of a variable at one instant.
+
+    Attributes:
+        value: None if it is unknown.
+        evidence_s: when the evidence was taken; of an unknown one, minus infinity.
+        because: why it is unknown; empty if it is known.
+    """
+
+    variable: str
+    value: Value | None = None
+    evidence_s: float = BEFORE_ALL_S
+    because: str = ""
+
+    @classmethod
+    def of(cls, reading: Reading[Value]) -> Observation:
+        """Return what a reading says."""
+        if reading.known:
+            return cls(variable=reading.name, value=reading.content, evidence_s=reading.evidence_s)
+        return cls(variable=reading.name, because=str(reading.reason))
+
+
+Scene = Mapping[str, Observation]
+"""What is known at one instant, by variable."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneScope:
+    """A scene, as conditions read it."""
+
+    scene: Scene
+    now_s: float
+
+    def value(self, name: str) -> Value | None:
+        """Return the value, or None when it is unknown."""
+        return self.scene[name].value
+
+    def age_s(self, name: str) -> float | None:
+        """Return the time since the evidence was taken, or None when the value is unknown."""
+        observed = self.scene[name]
+        return None if observed.value is None else self.now_s - observed.evidence_s
+
+
+def number_of(model: InputModel, value: Value | None) -> float:
+    """Return a value as the engine counts it; NaN for what is unknown."""
+    if value is None:
+        return math.nan
+    if isinstance(value, str):
+        return float(model.members.index(value)) if value in model.members else math.nan
+    return float(value)
+
+
+def value_of(model: InputModel, number: float) -> Value:
+    """Return the value that the engine counts as a number."""
+    if not model.members:
+        return number
+    member = model.members[round(number)]
+    return member == "true" if model.members == ("false", "true") else member
+
+
+def possible(model: InputModel, number: float) -> tuple[Bounds, ...]:
+    """Return what an input can be: one number, each of its members, or its whole range."""
+    if number == number:
+        return (point(number) if math.isfinite(number) else Bounds(number, number),)
+    return tuple(point(float(index)) for index in range(len(model.members))) or (model.range,)
+
+
+def rate(model: RateModel, history: Sequence[Reading[Value]], present: Observation, now_s: float) -> Observation:
+    """Return how fast a variable changes: the slope of the line that fits best what is known of the window.
+
+    Args:
+        model: of the rate.
+        history: of the variable, by the instant of the evidence.
+        present: what the variable is now.
+        now_s: the end of the window.
+    """
+    if present.value is None:
+        return Observation(variable=model.variable, because=f"{model.of} is unknown")
+    points = _points(history, now_s - model.over_s)
+    span_s = points[-1][0] - points[0][0] if points else 0.0
+    if span_s < LEAST_SHARE * model.over_s or span_s <= 0.0:
+        return Observation(variable=model.variable, because=f"{model.of} is known for {span_s:g} s only")
+    slope = _slope(points) * model.factor
+    if not math.isfinite(slope):
+        return Observation(variable=model.variable, because=f"{model.of} is not finite")
+    return Observation(variable=model.variable, value=slope + 0.0, evidence_s=points[-1][0])
+
+
+def _points(history: Sequence[Reading[Value]], since_s: float) -> list[tuple[float, float]]:
+    """Return instants and values since the last time that it was unknown, or since the window's beginning."""
+    points: list[tuple[float, float]] = []
+    for reading in reversed(history):
+        if reading.evidence_s < since_s or not isinstance(reading.content, (int, float)):
+            break
+        points.append((reading.evidence_s, float(reading.content)))
+    return points[::-1]
+
+
+def _slope(points: Sequence[tuple[float, float]]) -> float:
+    middle_s = math.fsum(instant_s for instant_s, _ in points) / len(points)
+    mean = math.fsum(value for _, value in points) / len(points)
+    spread = math.fsum((instant_s - middle_s) ** 2 for instant_s, _ in points)
+    return math.fsum((instant_s - middle_s) * (value - mean) for instant_s, value in points) / spread

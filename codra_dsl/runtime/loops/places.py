@@ -1,0 +1,58 @@
+"""Where the spec says what a loop does: places stand beside generated code, so that a comment changes no code."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+
+from codra_dsl.runtime.journal.spec_summary import Place
+from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel, ParameterModel, StageModel, StageRuleModel
+
+Places = Mapping[str, Place]
+
+
+def placed(model: MapeModel, places: Places) -> MapeModel:
+    """Return the loops with the places of what has none yet.
+
+    Args:
+        model: of the loops.
+        places: by `metric/NAME/rules/NUMBER`, `action/NAME/rules/NUMBER`, `adaptation/NAME` and
+            `adaptation/NAME/always/NUMBER`, numbers from 0.
+    """
+    return replace(
+        model,
+        metrics=_stage(model.metrics, "metric", places),
+        actions=_stage(model.actions, "action", places),
+        courses=tuple(_course(each, places) for each in model.courses),
+        parameters=tuple(_parameter(each, places) for each in model.parameters),
+    )
+
+
+def _stage(model: StageModel | None, kind: str, places: Places) -> StageModel | None:
+    if model is None:
+        return None
+    numbers: Counter[str] = Counter()
+    rules: list[StageRuleModel] = []
+    for rule in model.rules:
+        name = rule.concludes[0]
+        rules.append(replace(rule, place=rule.place or _text(places, f"{kind}/{name}/rules/{numbers[name]}")))
+        numbers[name] += 1
+    return replace(model, rules=tuple(rules))
+
+
+def _course(model: CourseModel, places: Places) -> CourseModel:
+    key = f"adaptation/{model.name}"
+    always = tuple(
+        replace(rule, place=rule.place or _text(places, f"{key}/always/{number}"))
+        for number, rule in enumerate(model.always)
+    )
+    return replace(model, place=model.place or _text(places, key), always=always)
+
+
+def _parameter(model: ParameterModel, places: Places) -> ParameterModel:
+    return replace(model, place=model.place or _text(places, f"adaptation/{model.name}"))
+
+
+def _text(places: Places, key: str) -> str:
+    return str(places[key]) if key in places else ""

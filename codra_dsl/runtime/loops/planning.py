@@ -1,0 +1,364 @@
+"""What one loop remembers and decides: its rates, metrics, weights, courses and parameters."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.loops.analysis import Assessment, Judged, assess
+from codra_dsl.runtime.loops.counterfactual import Counterfactual, keeping
+from codra_dsl.runtime.loops.courses import CourseState, Decision, Metrics, choose, metrics_of, worsened
+from codra_dsl.runtime.loops.declarations import (
+    CourseModel,
+    InputModel,
+    LoopModel,
+    MapeModel,
+    ParameterModel,
+    RateModel,
+)
+from codra_dsl.runtime.loops.filters import JUST_AFTER_S
+from codra_dsl.runtime.loops.fuzzy.bounds import Bounds
+from codra_dsl.runtime.loops.observations import Observation, Scene, SceneScope, rate
+from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.model import NotOfTypeError, ValueType
+
+KEPT_DECISIONS = 100
+"""How many decisions of a course are kept in memory."""
+
+_ROUNDING_S = 1e-9
+
+
+class Context(Protocol):
+    """Where a loop reads."""
+
+    def readings(self, names: Iterable[Any]) -> Mapping[str, Reading[Any]]:
+        """Return what is known of several variables at one instant."""
+        ...
+
+    def history(self, name: Any) -> tuple[Reading[Any], ...]:
+        """Return the kept readings of a variable."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """What is to be written.
+
+    Attributes:
+        evidence_s: minus infinity if nothing was known.
+    """
+
+    variable: str
+    value: Value | None
+    evidence_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A new value of a parameter.
+
+    Attributes:
+        since_s: since when the value before had stood.
+        is_urgent: whether it breaks the dwell, because a metric has become worse.
+    """
+
+    instant_s: float
+    parameter: ParameterModel
+    value: Value
+    before: Value | None
+    since_s: float
+    is_urgent: bool
+    assessment: Assessment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """A value that a parameter was to have and its variable cannot take; it stands as it did."""
+
+    parameter: ParameterModel
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What one analysis comes to.
+
+    Attributes:
+        analysed: rates, metrics and weights, to be written by the analyst.
+        changed: the variables of those metrics and weights that are otherwise than at the last analysis.
+        due_s: when to analyse again though nothing has changed.
+        refused: values that cannot be set, each told once while it stays.
+    """
+
+    assessment: Assessment
+    analysed: tuple[Written, ...]
+    changed: frozenset[str]
+    decisions: tuple[Decision, ...]
+    settings: tuple[Setting, ...]
+    due_s: float
+    refused: tuple[Refusal, ...] = ()
+
+
+class Planner(Protocol):
+    """What analyses and decides for one loop. `Planning` does as the spec says; another may take its place."""
+
+    @property
+    def model(self) -> MapeModel:
+        """Return the model by whose stages it analyses."""
+        ...
+
+    @property
+    def courses(self) -> Mapping[str, CourseModel]:
+        """Return the courses that it decides on, by name."""
+        ...
+
+    @property
+    def decisions(self) -> Mapping[str, Sequence[Decision]]:
+        """Return the newest decisions of each course, the oldest first."""
+        ...
+
+    def resume(self) -> None:
+        """Begin, or go on after a time in which nobody looked."""
+        ...
+
+    def course_state(self, course: str) -> CourseState:
+        """Return how a course stands."""
+        ...
+
+    def watches(self) -> tuple[str, ...]:
+        """Return the variables whose changes call for an analysis."""
+        ...
+
+    def plan(self, context: Context, now_s: float) -> Plan:
+        """Analyse what is known now, and decide; nothing is written but by who asks."""
+        ...
+
+    def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
+        """Return what would have kept the course that a decision left."""
+        ...
+
+
+Planners = Callable[[MapeModel, LoopModel, Mapping[str, ValueType]], Planner]
+"""Makes the planner of a loop: of the model of all loops, that of the loop, and the types of the context-variables."""
+
+
+@dataclass(slots=True)
+class _Parameter:
+    value: Value | None = None
+    refused: Value | None = None
+    since_s: float = -math.inf
+    metrics: Metrics = field(default_factory=dict)
+
+
+class Planning:
+    """Analyses and decides for one loop; it writes nothing itself."""
+
+    def __init__(self, model: MapeModel, loop: LoopModel, types: Mapping[str, ValueType]) -> None:
+        """Remember nothing yet.
+
+        Args:
+            model: of all loops.
+            loop: the one.
+            types: of the context-variables.
+        """
+        self.model = model
+        self._loop = loop
+        self._types = types
+        self._rates = {each.variable: each for each in model.rates if each.variable in loop.rates}
+        self.courses = {each.name: each for each in model.courses if each.name in loop.adapt}
+        self._parameters = tuple(each for each in model.parameters if each.name in loop.adapt)
+        self._course_state = {name: CourseState() for name in self.courses}
+        self._settings = {each.name: _Parameter() for each in self._parameters}
+        self._bounds: dict[str, Bounds] = {}
+        self.decisions: dict[str, deque[Decision]] = {name: deque(maxlen=KEPT_DECISIONS) for name in self.courses}
+        self._reads = tuple(sorted(self._read()))
+
+    def resume(self) -> None:
+        """Go on after a time in which nobody looked: courses stand, and how weights went until then is forgotten."""
+        for name, course_state in self._course_state.items():
+            self._course_state[name] = replace(course_state, state=course_state.state.resumed())
+
+    def course_state(self, course: str) -> CourseState:
+        """Return how a course stands."""
+        return self._course_state[course]
+
+    def watches(self) -> tuple[str, ...]:
+        """Return the variables whose changes call for an analysis."""
+        return tuple(name for name in self._reads if name not in self._rates)
+
+    def kept_by(self, decision: Decision) -> tuple[Counterfactual, ...]:
+        """Return what would have kept the course that a decision left."""
+        course = self.courses[decision.course]
+        return keeping(self.model, course, decision, self._asked_by_rules(course))
+
+    def _asked_by_rules(self, course: CourseModel) -> tuple[InputModel, ...]:
+        """Return what the hard rules of a course read, as inputs."""
+        names = sorted({name for rule in course.always for name in rule.condition.variables()} - self._judged())
+        return tuple(_as_input(name, self._types[name]) for name in names if _is_bounded(self._types[name]))
+
+    def plan(self, context: Context, now_s: float) -> Plan:
+        """Analyse what is known now, and decide."""
+        scene = self._scene(context, now_s)
+        assessment = assess(self.model, scene)
+        decisions, due_s = self._decide(assessment, now_s)
+        wanted = self._wanted(assessment.scene, now_s)
+        refused = tuple(self._refused(wanted))
+        settings, later_s = self._set(wanted, assessment, now_s)
+        return Plan(
+            assessment=assessment,
+            analysed=tuple(self._analysed(assessment)),
+            changed=frozenset(self._changed(assessment)),
+            decisions=decisions,
+            settings=settings,
+            due_s=min(due_s, later_s, self._flips_s(assessment.scene, now_s)),
+            refused=refused,
+        )
+
+    # What is read
+
+    def _judged(self) -> set[str]:
+        return set() if self.model.metrics is None else {each.variable for each in self.model.metrics.outputs}
+
+    def _read(self) -> set[str]:
+        stages = [stage for stage in (self.model.metrics, self.model.actions) if stage is not None]
+        names = {each.variable for stage in stages for each in stage.inputs}
+        names |= {each.of for each in self._rates.values()}
+        for course in self.courses.values():
+            names |= {name for rule in course.always for name in rule.condition.variables()}
+        names |= {name for each in self._parameters for name in each.value.variables()}
+        return names - self._judged()
+
+    def _scene(self, context: Context, now_s: float) -> Scene:
+        readings = context.readings(name for name in self._reads if name not in self._rates)
+        scene = {name: Observation.of(reading.at(now_s)) for name, reading in readings.items()}
+        for name, model in self._rates.items():
+            scene[name] = self._rate(model, context, scene[model.of], now_s)
+        return scene
+
+    def _rate(self, model: RateModel, context: Context, present: Observation, now_s: float) -> Observation:
+        found = rate(model, context.history(model.of), present, now_s)
+        limits = self._types[model.variable].range
+        if limits is None or not isinstance(found.value, float):
+            return found
+        return replace(found, value=min(max(found.value, limits[0]), limits[1]))
+
+    # What is written
+
+    def _analysed(self, assessment: Assessment) -> Iterator[Written]:
+        for name in self._rates:
+            seen = assessment.scene[name]
+            yield Written(variable=name, value=seen.value, evidence_s=seen.evidence_s)
+        yield from (_written(each) for each in self._outputs(assessment))
+
+    def _outputs(self, assessment: Assessment) -> Iterator[Judged]:
+        """Yield the metrics and weights that this loop works out."""
+        yield from (each for each in assessment.metrics.outputs if each.name in self._loop.analyse)
+        actions = {action for course in self.courses.values() for action in course.choose}
+        yield from (each for each in assessment.actions.outputs if each.name in actions)
+
+    def _changed(self, assessment: Assessment) -> Iterator[str]:
+        for each in self._outputs(assessment):
+            if not _same(self._bounds.get(each.variable), each.bounds):
+                self._bounds[each.variable] = each.bounds
+                yield each.variable
+
+    # What is decided
+
+    def _decide(self, assessment: Assessment, now_s: float) -> tuple[tuple[Decision, ...], float]:
+        decisions, due_s = [], math.inf
+        for name, course in self.courses.items():
+            course_state, decision, later_s = choose(self.model, course, self._course_state[name], assessment, now_s)
+            self._course_state[name] = course_state
+            due_s = min(due_s, later_s)
+            if decision is not None:
+                decisions.append(decision)
+                self.decisions[name].append(decision)
+        return tuple(decisions), due_s
+
+    def _wanted(self, scene: Scene, now_s: float) -> Mapping[str, Value | None]:
+        """Return the value that each parameter is to have; None where that is unknown."""
+        return {each.name: each.value.evaluate(SceneScope(scene, now_s)) for each in self._parameters}
+
+    def _refused(self, wanted: Mapping[str, Value | None]) -> Iterator[Refusal]:
+        """Yield the values that their variables cannot take, and remember them."""
+        for model in self._parameters:
+            present, value = self._settings[model.name], wanted[model.name]
+            before, present.refused = present.refused, None
+            try:
+                if value is not None:
+                    self._types[model.variable].convert(value)
+            except NotOfTypeError as error:
+                present.refused = value
+                if value != before:
+                    message = f"{model.variable!r} is not set: {error}; bound the value, or state a wider range"
+                    yield Refusal(parameter=model, message=message)
+
+    def _set(
+        self, wanted: Mapping[str, Value | None], assessment: Assessment, now_s: float
+    ) -> tuple[tuple[Setting, ...], float]:
+        settings, due_s = [], math.inf
+        metrics = metrics_of(self.model, assessment)
+        for model in self._parameters:
+            present, value = self._settings[model.name], wanted[model.name]
+            if value is None or value in (present.value, present.refused):
+                continue
+            free_s = present.since_s + model.dwell_s
+            is_free = free_s <= now_s + _ROUNDING_S
+            if not is_free and not self._is_urgent(model, assessment, present, now_s):
+                due_s = min(due_s, free_s + JUST_AFTER_S)
+                continue
+            settings.append(
+                Setting(
+                    instant_s=now_s,
+                    parameter=model,
+                    value=value,
+                    before=present.value,
+                    since_s=present.since_s,
+                    is_urgent=not is_free,
+                    assessment=assessment,
+                )
+            )
+            self._settings[model.name] = _Parameter(value=value, since_s=now_s, metrics=metrics)
+        return tuple(settings), due_s
+
+    def _is_urgent(self, model: ParameterModel, assessment: Assessment, present: _Parameter, now_s: float) -> bool:
+        """Return whether the value would stand if no metric had become worse since it was set."""
+        worse = worsened(self.model, metrics_of(self.model, assessment), present.metrics)
+        if not worse:
+            return False
+        seen = {name: replace(assessment.scene[name], value=then) for name, then in worse.items()}
+        return model.value.evaluate(SceneScope({**assessment.scene, **seen}, now_s)) == present.value
+
+    def _flips_s(self, scene: Scene, now_s: float) -> float:
+        """Return when a comparison with an age next changes."""
+        scope = SceneScope(scene, now_s)
+        terms = [rule.condition for course in self.courses.values() for rule in course.always]
+        terms += [each.value for each in self._parameters]
+        waits_s = (term.flips_s(scope) for term in terms)
+        return min((now_s + wait_s for wait_s in waits_s if wait_s is not None), default=math.inf)
+
+
+def _written(judged: Judged) -> Written:
+    return Written(variable=judged.variable, value=judged.value, evidence_s=judged.evidence_s)
+
+
+def _same(before: Bounds | None, now: Bounds) -> bool:
+    """Return whether bounds are what they were; what is unknown, nan, is what it was as well."""
+    return before is not None and repr(before) == repr(now)
+
+
+def _is_bounded(kind: ValueType) -> bool:
+    return kind.kind == "bool" or bool(kind.members) or (kind.range is not None and kind.kind in ("int", "float"))
+
+
+def _as_input(name: str, kind: ValueType) -> InputModel:
+    if kind.kind == "bool":
+        return InputModel(variable=name, range=Bounds(0.0, 1.0), members=("false", "true"))
+    if kind.members:
+        return InputModel(variable=name, range=Bounds(0.0, len(kind.members) - 1.0), members=kind.members)
+    low, high = kind.range or (-math.inf, math.inf)
+    return InputModel(variable=name, range=Bounds(low, high))

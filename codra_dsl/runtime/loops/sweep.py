@@ -1,0 +1,327 @@
+"""What a loop makes of its inputs over their ranges: metrics, weights, the action, and the rule behind each switch.
+
+The filter is left aside: a sweep asks what would weigh most, not when.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.loops.analysis import Assessment, Fired, assess
+from codra_dsl.runtime.loops.courses import hard_rule
+from codra_dsl.runtime.loops.declarations import CourseModel, MapeModel
+from codra_dsl.runtime.loops.observations import Observation, Scene
+
+__all__ = ["Row", "Shift", "Sweep", "Switch", "Trend", "surface", "sweep"]
+
+_HALVINGS = 40
+_SAME = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """What one value of the input comes to.
+
+    Attributes:
+        metrics: what counts of each; None if unknown.
+        action: the one of a hard rule, else the one that weighs most, else the course's `otherwise`; empty without a
+            course.
+        rule: the hard rule that decides, as the spec says it; empty if none does.
+    """
+
+    value: Value
+    metrics: Mapping[str, float | None]
+    weights: Mapping[str, float | None]
+    action: str
+    rule: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """A rule whose strength differs on both sides of a switch.
+
+    Attributes:
+        before: its strength at the row before; the least, if it is not certain.
+        after: its strength at the row after.
+    """
+
+    text: str
+    place: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """That another action weighs most from a value on.
+
+    Attributes:
+        low: with `high` the two values between which it lies: next to each other for numbers.
+        rules: of the action that loses or wins, and of the metrics: the one of each stage whose strength differs most;
+            or the hard rule alone.
+    """
+
+    low: Value
+    high: Value
+    before: str
+    after: str
+    rules: tuple[Shift, ...]
+
+
+class Trend(StrEnum):
+    """Which way a number goes while an input rises, or passes from one member to the next."""
+
+    CONSTANT = "constant"
+    RISES = "rises"
+    FALLS = "falls"
+    TURNS = "turns"
+    """It does both."""
+    UNKNOWN = "unknown"
+    """Somewhere it is not known."""
+
+    @property
+    def is_monotone(self) -> bool:
+        """Return whether it never turns, as far as it is known."""
+        return self in (Trend.CONSTANT, Trend.RISES, Trend.FALLS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sweep:
+    """What an input comes to over its range.
+
+    Attributes:
+        unit: of the input; empty for none.
+        known: what all other inputs were; None is unknown.
+    """
+
+    variable: str
+    unit: str = ""
+    known: Mapping[str, Value | None]
+    rows: tuple[Row, ...]
+    switches: tuple[Switch, ...]
+
+    @property
+    def trends(self) -> Mapping[str, Trend]:
+        """Return which way each metric goes while the input rises, or passes from member to member as in the rows."""
+        rows = sorted(self.rows, key=_rank)
+        return {name: trend([row.metrics[name] for row in rows]) for name in self.rows[0].metrics}
+
+    def __str__(self) -> str:
+        return "\n".join(_lines(self))
+
+
+def _rank(row: Row) -> float:
+    return 0.0 if isinstance(row.value, (str, bool)) else row.value
+
+
+def trend(values: Sequence[float | None]) -> Trend:
+    """Return which way numbers go; differences up to 1e-9 are none."""
+    known = [value for value in values if value is not None]
+    if len(known) < len(values):
+        return Trend.UNKNOWN
+    steps = [other - one for one, other in itertools.pairwise(known)]
+    rises, falls = any(step > _SAME for step in steps), any(step < -_SAME for step in steps)
+    if rises and falls:
+        return Trend.TURNS
+    return Trend.RISES if rises else Trend.FALLS if falls else Trend.CONSTANT
+
+
+def sweep(
+    model: MapeModel,
+    course: CourseModel | None,
+    known: Mapping[str, Value | None],
+    variable: str,
+    values: Sequence[Value],
+    *,
+    unit: str = "",
+) -> Sweep:
+    """Return what a course makes of an input.
+
+    Args:
+        model: of the loops.
+        course: whose actions are weighed; without one there are metrics only.
+        known: all that the stages and hard rules read, but what stages work out; None is unknown.
+        variable: the input that is varied.
+        values: that it takes, in order; at least one.
+        unit: of the input, for people.
+
+    Raises:
+        UnknownNameError: if nothing reads the variable.
+    """
+    if variable not in known:
+        raise unknown("input", variable, known)
+    asked = _Asked(model, course, _scene(known), variable)
+    rows = tuple(asked.row(value) for value in values)
+    switches = tuple(asked.switch(one, other) for one, other in itertools.pairwise(rows) if one.action != other.action)
+    others = {name: value for name, value in known.items() if name != variable}
+    return Sweep(variable=variable, unit=unit, known=others, rows=rows, switches=switches)
+
+
+def surface(
+    model: MapeModel,
+    course: CourseModel | None,
+    known: Mapping[str, Value | None],
+    across: tuple[str, Sequence[Value]],
+    up: tuple[str, Sequence[Value]],
+) -> tuple[tuple[Row, ...], ...]:
+    """Return what a course makes of two inputs.
+
+    Args:
+        model: of the loops.
+        course: as of `sweep`.
+        known: as of `sweep`.
+        across: the input that differs within a row, and its values.
+        up: the input that differs from row to row, and its values.
+
+    Raises:
+        UnknownNameError: if nothing reads one of them.
+    """
+    for name in (across[0], up[0]):
+        if name not in known:
+            raise unknown("input", name, known)
+    asked = (_Asked(model, course, _scene({**known, up[0]: value}), across[0]) for value in up[1])
+    return tuple(tuple(each.row(value) for value in across[1]) for each in asked)
+
+
+def _scene(known: Mapping[str, Value | None]) -> Scene:
+    return {name: Observation(variable=name, value=value, evidence_s=0.0) for name, value in known.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    model: MapeModel
+    course: CourseModel | None
+    scene: Scene
+    variable: str
+
+    def assessed(self, value: Value) -> Assessment:
+        seen = Observation(variable=self.variable, value=value, evidence_s=0.0)
+        return assess(self.model, {**self.scene, self.variable: seen})
+
+    def row(self, value: Value) -> Row:
+        found = self.assessed(value)
+        metrics = {each.name: each.value for each in found.metrics.outputs}
+        if self.course is None:
+            return Row(value=value, metrics=metrics, weights={}, action="", rule="")
+        rule = hard_rule(self.course, found, 0.0)
+        weights = {action: found.weights()[action] for action in self.course.choose}
+        known = {action: weight for action, weight in weights.items() if weight is not None}
+        heaviest = max(known, key=known.__getitem__, default=self.course.otherwise)
+        return Row(
+            value=value,
+            metrics=metrics,
+            weights=weights,
+            action=heaviest if rule is None else rule.action,
+            rule="" if rule is None else rule.text,
+        )
+
+    def switch(self, one: Row, other: Row) -> Switch:
+        low, high = self._narrowed(one, other)
+        return Switch(
+            low=low.value,
+            high=high.value,
+            before=low.action,
+            after=high.action,
+            rules=tuple(self._hard(low, high) if low.rule != high.rule else self._fuzzy(one, other, low, high)),
+        )
+
+    def _narrowed(self, one: Row, other: Row) -> tuple[Row, Row]:
+        """Return two rows on both sides of the switch, as near to each other as halving finds for numbers."""
+        for _ in range(_HALVINGS):
+            low, high = one.value, other.value
+            if isinstance(low, (str, bool)) or isinstance(high, (str, bool)):
+                break
+            middle = self.row((low + high) / 2.0)
+            if middle.action == one.action:
+                one = middle
+            else:
+                other = middle
+        return one, other
+
+    def _hard(self, low: Row, high: Row) -> Iterator[Shift]:
+        """Yield the hard rule that holds on one side of the switch alone."""
+        text, is_after = (high.rule, True) if high.rule else (low.rule, False)
+        always = () if self.course is None else self.course.always
+        place = next(rule.place for rule in always if rule.text == text)
+        yield Shift(text=text, place=place, before=float(not is_after), after=float(is_after))
+
+    def _fuzzy(self, one: Row, other: Row, low: Row, high: Row) -> Iterator[Shift]:
+        """Yield the rule of each stage whose strength differs most between two rows, which show it more clearly."""
+        before, after = self.assessed(one.value), self.assessed(other.value)
+        yield from _largest(before.actions.rules, after.actions.rules, {low.action, high.action})
+        yield from _largest(before.metrics.rules, after.metrics.rules, {each.name for each in before.metrics.outputs})
+
+
+def _largest(before: Sequence[Fired], after: Sequence[Fired], about: set[str]) -> Iterator[Shift]:
+    shifts = [
+        Shift(text=one.text, place=one.place, before=one.low, after=other.low)
+        for one, other in zip(before, after, strict=True)
+        if about & set(one.concludes)
+    ]
+    largest = max(shifts, key=_size, default=None)
+    if largest is not None and _size(largest) > _SAME:
+        yield largest
+
+
+def _size(shift: Shift) -> float:
+    return abs(shift.after - shift.before)
+
+
+def _lines(found: Sweep) -> Iterator[str]:
+    yield from _others(found.known)
+    yield from _table(found)
+    for switch in found.switches:
+        yield f"{switch.before} -> {switch.after} {_where(found, switch)}:"
+        for rule in switch.rules:
+            place = f"  [{rule.place}]" if rule.place else ""
+            yield f"  {rule.text}: {rule.before:.3g} -> {rule.after:.3g}{place}"
+    for name, way in found.trends.items():
+        yield f"{name} {_WAYS[way]}"
+
+
+_WAYS = {
+    Trend.CONSTANT: "is constant",
+    Trend.RISES: "is monotone: it never falls",
+    Trend.FALLS: "is monotone: it never rises",
+    Trend.TURNS: "is not monotone: it rises and falls",
+    Trend.UNKNOWN: "is not known everywhere",
+}
+
+
+def _others(known: Mapping[str, Value | None]) -> Iterator[str]:
+    given = [f"{name} = {_cell(value)}" for name, value in known.items() if value is not None]
+    missing = [name for name, value in known.items() if value is None]
+    yield from [f"with {', '.join(given)}"] if given else []
+    yield from [f"unknown: {', '.join(missing)}"] if missing else []
+
+
+def _table(found: Sweep) -> Iterator[str]:
+    first = found.rows[0]
+    head = f"{found.variable} ({found.unit})" if found.unit else found.variable
+    has_course = bool(first.action)
+    names = [head, *first.metrics, *first.weights, *(["action"] if has_course else [])]
+    lines = [names]
+    for row in found.rows:
+        cells = [_cell(row.value), *map(_cell, row.metrics.values()), *map(_cell, row.weights.values())]
+        lines.append([*cells, *([row.action] if has_course else [])])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for line in lines:
+        yield "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+
+
+def _where(found: Sweep, switch: Switch) -> str:
+    low, high = (f"{_cell(value)} {found.unit}".rstrip() for value in (switch.low, switch.high))
+    return f"at {low}" if low == high else f"between {low} and {high}"
+
+
+def _cell(value: Value | None) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

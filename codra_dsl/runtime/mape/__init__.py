@@ -1,1 +1,0 @@
-"""MAPE-K at run time: what analyses knowledge and plans by it."""

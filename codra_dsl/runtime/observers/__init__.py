@@ -1,0 +1,1 @@
+"""Observers: behaviour trees that identify context-variables."""

@@ -1,0 +1,138 @@
+"""The nodes of an observer's tree, in the order of P1's Figure 4.
+
+A tree is a `Sequence(memory=False)`: control flag, preconditions, due or running, perception, refinements, identify.
+Nodes hold no state of their own: each asks and tells the branch of its algorithm.
+"""
+
+from __future__ import annotations
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from codra_dsl.logic import Term
+from codra_dsl.runtime.observers.observer import Branch, Observer
+from codra_dsl.runtime.observers.ticking import leaf_stop, leaf_tick
+
+
+class ControlFlag(Behaviour):
+    """Whether the context manager wants the observer to run: checked first at each tick (P1, section 3.3)."""
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, observer: Observer) -> None:
+        super().__init__("control flag")
+        self._observer = observer
+
+    def update(self) -> Status:
+        """Fail when the observer is to stop; what runs below is then cancelled."""
+        return Status.SUCCESS if self._observer.wanted else Status.FAILURE
+
+
+class Precondition(Behaviour):
+    """An observability precondition over the context (P1, Algorithm 2, line 20).
+
+    Evidence that is complete is judged by the interval in which it was taken: then what fails now stops nothing.
+    """
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, name: str, term: Term, *branches: Branch) -> None:
+        super().__init__(name)
+        self._term = term
+        self._branches = branches
+        for branch in branches:
+            branch.require(name, term)
+
+    def update(self) -> Status:
+        """Succeed while the condition holds or evidence taken under it waits for its result."""
+        held = self._term.evaluate(self._branches[0].observer.present())
+        self.feedback_message = "" if held is True else "unknown" if held is None else "does not hold"
+        waits = held is not True and any(branch.evidence_is_taken for branch in self._branches)
+        return Status.SUCCESS if held is True or waits else Status.FAILURE
+
+
+class DueOrRunning(Behaviour):
+    """Whether it is time to look again, so that perception does not repeat at each tick."""
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, branch: Branch) -> None:
+        super().__init__("due or running")
+        self._branch = branch
+
+    def update(self) -> Status:
+        """Succeed when due or at work; else wait, or fail to give way to an alternative."""
+        if self._branch.busy:
+            return Status.SUCCESS
+        chosen = self._branch.observer.next_in_turn(self._branch)
+        if chosen is self._branch:
+            return Status.SUCCESS
+        is_idle = chosen is None and not any(rival.busy for rival in self._branch.rivals)
+        return Status.RUNNING if is_idle else Status.FAILURE
+
+
+class Perceive(Behaviour):
+    """The perception algorithm as an asynchronous action: running until its job is done (P1, section 3.3)."""
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, branch: Branch) -> None:
+        super().__init__(branch.algorithm.name)
+        self._branch = branch
+
+    def update(self) -> Status:
+        """Start a job, wait for it, and take its result if its evidence counts."""
+        branch = self._branch
+        if not branch.busy:
+            branch.start()
+            return Status.RUNNING
+        broken = branch.broken_condition()
+        if broken is not None:
+            branch.void(broken)
+            return Status.FAILURE
+        if not branch.is_finished:
+            return Status.RUNNING
+        return Status.SUCCESS if branch.take() else Status.FAILURE
+
+    def terminate(self, new_status: Status) -> None:
+        """Cancel the job when the tree stops or evidence can no longer count."""
+        if new_status is Status.INVALID:
+            self._branch.cancel()
+
+
+class Accept(Behaviour):
+    """A refinement of the result, e.g. a least number of markers (P1, Figure 4C)."""
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, name: str, term: Term, branch: Branch) -> None:
+        super().__init__(name)
+        self._term = term
+        self._branch = branch
+        branch.accepts.append((name, term))
+
+    def update(self) -> Status:
+        """Fail when the result is not certainly good enough."""
+        if self._branch.result is not None and self._term.holds(self._branch.result):
+            return Status.SUCCESS
+        self._branch.reject(self.name)
+        return Status.FAILURE
+
+
+class Identify(Behaviour):
+    """Gives one context-variable its value from the result (P1, Equation 6)."""
+
+    tick, stop = leaf_tick, leaf_stop
+
+    def __init__(self, variable: str, term: Term, branch: Branch) -> None:
+        super().__init__(f"identify {variable}")
+        self._variable = variable
+        self._term = term
+        self._branch = branch
+        branch.tell(variable, term)
+
+    def update(self) -> Status:
+        """Succeed in any case: a value that the result does not tell is rejected for this variable alone."""
+        identified = self._branch.identify(self._variable, self._term)
+        self.feedback_message = "" if identified else "the result does not count or does not tell"
+        return Status.SUCCESS

@@ -1,0 +1,392 @@
+"""One algorithm within an observer's tree: its preconditions, its attempt, and what came of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Protocol
+
+from codra_dsl.logic import Term, Value, known
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.observers.failed_look import FailedLook
+from codra_dsl.runtime.observers.services import ObserverServices
+from codra_dsl.runtime.perception import CostMeter, Failure, Interval, JobRun, Result, State
+from codra_dsl.runtime.values.cell import BEFORE_ALL_S, Cell, Reason
+from codra_dsl.runtime.values.evidence import ContextNow, first_loss, held, told_from_s
+from codra_dsl.runtime.values.hysteresis import Debounced, Hysteresis, Vote, Votes
+from codra_dsl.runtime.values.model import Algorithm, NotOfTypeError
+
+SHORTEST_PERIOD_S = 0.01
+"""An algorithm that takes no time and may look again at once still lets time pass."""
+
+INSTANT_S = 1e-6
+"""So long after a skill has begun to act a look sees what it changes."""
+
+
+class ObserverSchedule(Protocol):
+    """How often an observer looks, and how important it is, as its declaration has it."""
+
+    @property
+    def period_s(self) -> float:
+        """Return the time from one start of an algorithm to the next."""
+        ...
+
+    @property
+    def priority(self) -> int:
+        """Return the priority: the larger goes first when jobs compete for a slot."""
+        ...
+
+
+class BranchObserver(Protocol):
+    """The observer that a branch belongs to, as far as the branch uses it.
+
+    Attributes:
+        name: of the observer.
+        services: what the observer uses of the context manager.
+        now_s: the instant of the present tick.
+    """
+
+    name: str
+    services: ObserverServices
+    now_s: float
+
+    @property
+    def model(self) -> ObserverSchedule:
+        """Return the declaration of the observer."""
+        ...
+
+    def observable(self, variable: str) -> Term | None:
+        """Return the condition under which a variable can be observed; None if it always can."""
+        ...
+
+    def present(self) -> ContextNow:
+        """Return the context as it is at this tick."""
+        ...
+
+    def next_in_turn(self, branch: Branch) -> Branch | None:
+        """Return which one of a branch and its rivals may start a job now, if one may."""
+        ...
+
+    def touch(self) -> None:
+        """Report that a tick may bring something new."""
+        ...
+
+    def note_conclusion(self) -> None:
+        """Note that an attempt ended in this tick."""
+        ...
+
+    def set_back(self, variable: str, failed_look: FailedLook) -> None:
+        """Keep a failed look until it is clear that no alternative delivers."""
+        ...
+
+    def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
+        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        ...
+
+
+class Branch:
+    """One algorithm within an observer: its preconditions, its attempt, and what came of it.
+
+    Behaviours ask it and tell it; it decides nothing about variables.
+    """
+
+    def __init__(self, algorithm: Algorithm, observer: BranchObserver) -> None:
+        self.algorithm = algorithm
+        self.observer = observer
+        self.identifies: list[str] = []
+        self.tells: dict[str, Term] = {}
+        self._tallies: dict[str, Votes] = {}
+        self.accepts: list[tuple[str, Term]] = []
+        self.conditions: list[tuple[str, Term]] = []
+        self.rivals: tuple[Branch, ...] = (self,)
+        self.result: Result | None = None
+        self._job_run: JobRun | None = None
+        self._pinned_s: float | None = None
+        self._interval = Interval(0.0, 0.0)
+        self._index = 0
+        self.last_start_s = BEFORE_ALL_S
+        self._is_fresh = True
+        self.is_on_event = False
+        self._is_accepted = False
+        self._untold: set[str] = set()
+        self._noted: JobRun | None = None
+        for name in algorithm.given:
+            self.require(f"known({name})", known(name))
+
+    # What it waits for
+
+    def require(self, name: str, term: Term) -> None:
+        """Take a precondition, once."""
+        if (name, repr(term)) not in ((other, repr(condition)) for other, condition in self.conditions):
+            self.conditions.append((name, term))
+
+    def blocking_condition(self, context: ContextNow) -> str | None:
+        """Return the first precondition that does not hold, or None."""
+        return next((name for name, term in self.conditions if not term.holds(context)), None)
+
+    def tell(self, variable: str, term: Term) -> None:
+        """Take what a result says of a variable."""
+        self.identifies.append(variable)
+        self.tells[variable] = term
+        if isinstance(term, Debounced):
+            self._tallies[variable] = Votes(term.needed, term.among)
+
+    def refresh(self) -> None:
+        """Look as soon as possible: the observer starts anew, and what it saw before confirms nothing."""
+        self._is_fresh = True
+        for tally in self._tallies.values():
+            tally.clear()
+
+    def next_start_s(self) -> float:
+        """Return when the next job is due; never, if all that it identifies is known and waits for an event."""
+        if self.is_on_event:
+            return self._next_on_event_s()
+        return self._next_in_period_s()
+
+    def _next_in_period_s(self) -> float:
+        """Return when its pause is over; the end of acting is an event that ends it for what is looked at on events."""
+        has_new_cause = self.is_on_event and self.last_start_s < self.observer.services.event_triggers.acted_s
+        is_at_once = self._is_fresh or has_new_cause
+        period_s = 0.0 if is_at_once else max(self.observer.model.period_s, SHORTEST_PERIOD_S)
+        return self.last_start_s + max(period_s, self.algorithm.min_interval_s)
+
+    @property
+    def would_look(self) -> bool:
+        """Return whether its preconditions are to hold: it looks, or its pause is over and no rival looks."""
+        if self.busy:
+            return True
+        if any(rival.busy for rival in self.rivals):
+            return False
+        return self._next_in_period_s() <= self.observer.services.now_s()
+
+    def reads(self, variable: str) -> bool:
+        """Return whether a precondition reads a variable."""
+        return any(variable in term.variables() for _, term in self.conditions)
+
+    @property
+    def is_occupied(self) -> bool:
+        """Return whether the algorithm's function is at work, be it for nobody."""
+        return self.observer.services.perception.at_work(self.algorithm) is not None
+
+    def serves(self, variable: str) -> bool:
+        """Return whether the variable can be left to this algorithm: it can run and its last job told it."""
+        can_run = not self.is_occupied and self.blocking_condition(self.observer.present()) is None
+        return can_run and variable in self.identifies and variable not in self._untold
+
+    # Its attempt
+
+    @property
+    def busy(self) -> bool:
+        """Return whether an attempt is under way or its outcome waits to be taken."""
+        return self._job_run is not None
+
+    @property
+    def is_finished(self) -> bool:
+        """Return whether the attempt has ended."""
+        return self._job_run is not None and self._job_run.state is State.ENDED
+
+    @property
+    def evidence_is_taken(self) -> bool:
+        """Return whether evidence is complete and waits for its result: then it is judged by its interval alone."""
+        interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
+        return interval is not None and interval.stamp_s is not None
+
+    def start(self) -> None:
+        """Ask for a job."""
+        self._job_run = self.observer.services.perception.request(
+            self.algorithm, self._precedence, self._begin, self.observer.touch
+        )
+
+    def broken_condition(self) -> str | None:
+        """Return a precondition that has not held since evidence began to be taken, to its end or to now, or None."""
+        interval = self._job_run.evidence(self.observer.now_s) if self._job_run is not None else None
+        if interval is None:
+            return None
+        end_s = self.observer.now_s if interval.stamp_s is None else interval.stamp_s
+        cells = self.observer.services.cells
+        broken = (name for name, term in self.conditions if not held(term, cells, interval.start_s, end_s))
+        return next(broken, None)
+
+    def cancel(self) -> None:
+        """Wait for the attempt no longer."""
+        job_run = self._drop()
+        if job_run is not None:
+            self.observer.services.perception.cancel(job_run)
+
+    def void(self, condition: str) -> None:
+        """Drop the attempt because a precondition broke while its evidence was taken."""
+        job_run = self._drop()
+        if job_run is not None:
+            self.observer.services.perception.void(job_run, condition)
+            self._untold = set(self.identifies)
+
+    def take(self) -> bool:
+        """Take the outcome of the finished attempt; return whether it is a result."""
+        job_run = self._drop()
+        if job_run is None or job_run.start_s is None:
+            return False
+        self._interval = job_run.evidence(self.observer.now_s) or Interval(job_run.start_s)
+        self._index = job_run.index
+        if isinstance(job_run.outcome, Result):
+            self.result, self._untold = job_run.outcome, set()
+            self._is_accepted = False
+            self._cost_meter.judged += 1
+            return True
+        if isinstance(job_run.outcome, Failure):
+            self._set_back(self.identifies, job_run.outcome.reason, job_run.outcome.message, job_run.start_s)
+        return False
+
+    def note_stuck(self) -> None:
+        """Note once that a job which was cancelled has not come to its end in time."""
+        job_run = self.observer.services.perception.at_work(self.algorithm)
+        if job_run is None or job_run is self._noted or job_run.start_s is None or job_run.outcome is not None:
+            return
+        if job_run.state is State.ENDED and self.observer.now_s >= job_run.start_s + self.algorithm.timeout_s:
+            self._noted = job_run
+            detail = f"a job that was cancelled does not end within {self.algorithm.timeout_s:g} s"
+            self._set_back(self.identifies, Reason.TIMED_OUT, detail, job_run.start_s)
+
+    # What its result tells
+
+    def reject(self, condition: str) -> None:
+        """Note that a refinement does not hold for the result (P1, Figure 4: refine the result)."""
+        self._refuse(self.identifies, Reason.REJECTED, f"not {condition}")
+
+    def identify(self, variable: str, term: Term) -> bool:
+        """Give a variable its value from the result (P1, Equation 6); return whether it has one."""
+        found = term.evaluate(self.result) if self.result is not None else None
+        if found is None and self._leaves_as_is(term):
+            found = self.observer.services.cells[variable].at(self._stamp_s()).content
+            if found is None:
+                self._refuse((variable,), Reason.REJECTED, "between enter and leave, and it was unknown before")
+                return False
+        try:
+            content = None if found is None else self.observer.services.variables[variable].type.convert(found)
+        except NotOfTypeError as error:
+            self._refuse((variable,), Reason.FAILED, str(error))
+            return False
+        if content is None:
+            self._refuse((variable,), Reason.REJECTED, "the result does not tell")
+            return False
+        start_s = self._interval.start_s
+        if variable in self._tallies:
+            first_s = self._confirmed_since_s(variable, content, self._tallies[variable])
+            if first_s is None:
+                return False
+            start_s = min(start_s, first_s)
+        counts = self.observer.write(variable, content, self.algorithm.name, start_s, self._stamp_s())
+        if counts and not self._is_accepted:
+            self._is_accepted = True
+            self._cost_meter.accepted += 1
+        return counts
+
+    # Within
+
+    @property
+    def _cost_meter(self) -> CostMeter:
+        return self.observer.services.perception.cost_meter(self.algorithm)
+
+    def _precedence(self) -> tuple[float, int]:
+        """Return how its request for slots stands to others."""
+        is_contested = bool(self.algorithm.slots)
+        urgency = self.observer.services.urgency(self.observer.name) if is_contested else 0
+        return self.observer.model.priority, urgency
+
+    def _begin(self) -> dict[str, Value | None] | None:
+        """Return what the job is given, or None when it must not begin; evidence is being taken from here on."""
+        now_s = self.observer.services.now_s()
+        context = ContextNow(self.observer.services.cells, now_s)
+        if self.blocking_condition(context) is not None:
+            return None
+        self._pinned_s = now_s
+        for cell in self._cells():
+            cell.pin(now_s)
+        return {name: context.value(name) for name in self.algorithm.given}
+
+    def _next_on_event_s(self) -> float:
+        services = self.observer.services
+        if not any(map(services.is_asked_for, self.due())):
+            return math.inf
+        # evidence from the very instant of an invalidation does not count
+        invalidated_s = (services.cells[variable].invalidated_s + INSTANT_S for variable in self.identifies)
+        return max(self._next_in_period_s(), *invalidated_s)
+
+    def due(self) -> list[str]:
+        """Return the variables that are worth a look since something has happened, whoever needs them."""
+        services, now_s = self.observer.services, self.observer.services.now_s()
+        readings = (services.cells[variable].reading.at(now_s) for variable in self.identifies)
+        return [reading.name for reading in readings if services.event_triggers.is_due(reading)]
+
+    def _drop(self) -> JobRun | None:
+        job_run, self._job_run = self._job_run, None
+        if self._pinned_s is not None:
+            for cell in self._cells():
+                cell.unpin(self._pinned_s)
+            self._pinned_s = None
+        if job_run is not None:
+            self.observer.note_conclusion()
+            if job_run.start_s is not None:  # the start of a job uses up what is due
+                self.last_start_s, self._is_fresh = job_run.start_s, False
+        return job_run
+
+    def _cells(self) -> list[Cell]:
+        names = {name for _, term in self.conditions for name in term.variables()}
+        return [self.observer.services.cells[name] for name in sorted(names)]
+
+    def _stamp_s(self) -> float:
+        return self.observer.now_s if self._interval.stamp_s is None else self._interval.stamp_s
+
+    def _leaves_as_is(self, term: Term) -> bool:
+        """Return whether the result lies between enter and leave."""
+        inner = term.term if isinstance(term, Debounced) else term
+        return self.result is not None and isinstance(inner, Hysteresis) and inner.leaves_as_is(self.result)
+
+    def _confirmed_since_s(self, variable: str, content: Value, tally: Votes) -> float | None:
+        """Count a result; return when the evidence for its value began to be taken, or None if too few agree.
+
+        An outlier changes nothing while the last results still confirm the value that the variable has.
+        """
+        told = Vote(content, self._interval.start_s, self._stamp_s())
+        if not self.observer.services.cells[variable].admits(told.start_s, told.stamp_s):
+            return told.start_s  # evidence from before an action confirms nothing; `write` says so
+        tally.take(told, lambda before: self._still_counts(variable, before, told))
+        start_s = tally.start_s(content)
+        if start_s is None:
+            detail = (
+                f"{tally.count(content)} of {tally.needed} needed among the last {tally.among} for {_said(content)}"
+            )
+            self._tell_refused((variable,), Reason.UNCONFIRMED, detail)
+            reading = self.observer.services.cells[variable].reading.at(self.observer.now_s)
+            if not reading.known or tally.count(reading.content) < tally.needed:
+                failed_look = FailedLook(Reason.UNCONFIRMED, detail, told.stamp_s, self.algorithm.name)
+                self.observer.set_back(variable, failed_look)
+        return start_s
+
+    def _still_counts(self, variable: str, before: Vote, now: Vote) -> bool:
+        """Return whether an earlier result still says something of a variable: nothing has made it meaningless."""
+        services = self.observer.services
+        model, cells = services.variables[variable], services.cells
+        if before.start_s <= cells[variable].invalidated_s or before.stamp_s + model.valid_for_s <= now.stamp_s:
+            return False
+        term = self.observer.observable(variable) if model.when_unobservable == "forget" else None
+        if term is None:
+            return True
+        return first_loss(term, cells, max(before.stamp_s, told_from_s(term, cells)), now.stamp_s) is None
+
+    def _refuse(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
+        """Note that a result brings some variables no value, whatever becomes of the variables."""
+        self._tell_refused(variables, reason, detail)
+        self._set_back(variables, reason, detail, self._stamp_s())
+
+    def _tell_refused(self, variables: Iterable[str], reason: Reason, detail: str) -> None:
+        about = {"index": self._index, "variables": list(variables), "reason": reason, "message": detail}
+        self.observer.services.event_writer.write(Kind.JOB, self.algorithm.name, "rejected", **about)
+
+    def _set_back(self, variables: Iterable[str], reason: Reason, detail: str, since_s: float) -> None:
+        for variable in variables:
+            self._untold.add(variable)
+            self.observer.set_back(variable, FailedLook(reason, detail, since_s, self.algorithm.name))
+
+
+def _said(content: Value) -> str:
+    return str(content).lower() if isinstance(content, bool) else str(content)

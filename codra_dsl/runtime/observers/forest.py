@@ -1,0 +1,225 @@
+"""The forest F: all observers, tied by the context that they share (P1, Equation 11), ticked when something changed.
+
+The paper ticks every tree each second. Here a tree is ticked when it is due, when a variable that it reads has
+changed, when a job has ended, and when a comparison with an age flips: the same meaning with less work.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping, Sequence
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.journal import EventWriter, Kind
+from codra_dsl.runtime.observers.activation import Activation
+from codra_dsl.runtime.observers.observer import Observer, ObserverModel
+from codra_dsl.runtime.observers.services import ObserverServices
+from codra_dsl.runtime.perception import described
+from codra_dsl.runtime.values.cell import Reading
+
+MAX_ROUNDS = 100
+"""Rounds at one instant before feedback that does not come to rest has to wait."""
+
+UNREST_S = 0.01
+"""How long it waits then."""
+
+
+class Forest:
+    """Starts, stops and ticks observers. Whoever calls it holds the context manager's lock."""
+
+    def __init__(
+        self,
+        models: Sequence[ObserverModel],
+        services: ObserverServices,
+        clock: Clock,
+        commit: Callable[[Reading[Value]], None],
+        stopped: Callable[[Observer], None],
+    ) -> None:
+        """Build all trees.
+
+        Args:
+            models: the observers.
+            services: what they see.
+            clock: real or simulated time.
+            commit: takes what observers wrote, after each round.
+            stopped: called for each observer that has stopped.
+        """
+        self._clock = clock
+        self._event_writer: EventWriter = services.event_writer
+        self._commit = commit
+        self._stopped = stopped
+        self._observers = {model.name: Observer(model, services, self.touch) for model in models}
+        self._activation = Activation(
+            {name: observer.model.identifies for name, observer in self._observers.items()},
+            {name: observer.needs() for name, observer in self._observers.items()},
+            self._start,
+            self._stop,
+        )
+        self._position = {name: position for position, name in enumerate(self._activation.order)}
+        self._readers, self._readers_of_age = self._find_readers()
+        self._on_event = [each for each in map(self._observers.__getitem__, self._activation.order) if each.on_event]
+        self._observer_of = {name: each for each in self._observers.values() for name in each.model.identifies}
+        self._needing: dict[str, list[Observer]] = {}
+        for observer in self._observers.values():
+            for name in observer.asks_on_events:
+                self._needing.setdefault(name, []).append(observer)
+        self._looked_at_for = {name: self._served_by(observer) for name, observer in self._observers.items()}
+        self._touched: set[str] = set()
+        self._timers: dict[str, Timer] = {}
+        self._round: Timer | None = None
+
+    @property
+    def observers(self) -> Mapping[str, Observer]:
+        """Return all observers by name."""
+        return self._observers
+
+    def running(self) -> frozenset[str]:
+        """Return the names of the observers that run."""
+        return self._activation.running()
+
+    def obstacle(self, variable: str) -> str | None:
+        """Return what keeps a variable from being observed now: empty if nothing does, None if it has no observer.
+
+        Any thread may ask, without the lock.
+        """
+        observer = self._observer_of.get(variable)
+        if observer is None:
+            return None
+        return observer.obstacle(variable) if observer.wanted else f"{observer.name} does not run: declare {variable}"
+
+    def declare(self, variable: str) -> None:
+        """Start what a variable that enters C_E(t) needs (P1, Algorithm 1); what runs for others may look now."""
+        self._activation.declare(variable)
+        if variable in self._needing and variable in self._observer_of:
+            self.touch(self._observer_of[variable])
+
+    def withdraw(self, variable: str) -> None:
+        """Stop what nothing needs any more once a variable leaves C_E(t)."""
+        self._activation.withdraw(variable)
+
+    def changed(self, variable: str, is_renewed: bool) -> None:
+        """Say that a variable has another reading, now or in its history.
+
+        Args:
+            variable: its name.
+            is_renewed: whether it only has newer evidence for what it told before. That changes no condition, at no
+                instant, but those on its age.
+        """
+        readers = self._readers_of_age if is_renewed else self._readers
+        for observer in readers.get(variable, ()):
+            if observer.wanted:
+                self._touched.add(observer.name)
+                if self._round is None:
+                    self._let_settle()
+
+    def is_asked_for(self, variable: str, declared: Container[str]) -> bool:
+        """Return whether a variable is declared, or needed by an observer that is due to look, directly or not.
+
+        Observers may need each other in a circle: a circle that nobody outside of it asks for asks for nothing.
+        """
+        seen, pending = {variable}, [variable]
+        while pending:
+            name = pending.pop()
+            if name in declared:
+                return True
+            branches = [branch for observer in self._needing.get(name, ()) for branch in observer.asking_for(name)]
+            if not all(branch.is_on_event for branch in branches):
+                return True  # who looks periodically does so whoever asks
+            found = {due for branch in branches for due in branch.due()} - seen
+            seen |= found
+            pending.extend(found)
+        return False
+
+    def look_again(self) -> None:
+        """Ask the running observers that look on events whether they are due now."""
+        for observer in self._on_event:
+            if observer.wanted:
+                self.touch(observer)
+
+    def touch(self, observer: Observer) -> None:
+        """Let an observer be ticked in the next round, at this instant; one that does not run has no need of it."""
+        if not observer.wanted:
+            return
+        self._touched.add(observer.name)
+        if self._round is None:
+            self._let_settle()
+
+    def _let_settle(self) -> None:
+        self._round = self._clock.call_at(self._clock.now_s(), self._settle)
+
+    def _settle(self) -> None:
+        """Run rounds at this instant: tick in order on one state of the context, commit, until nothing changes."""
+        try:
+            is_quiet = self._run_rounds()
+        except BaseException:
+            self._round = None
+            raise
+        self._round = None if is_quiet else self._clock.call_at(self._clock.now_s() + UNREST_S, self._settle)
+
+    def _run_rounds(self) -> bool:
+        for _ in range(MAX_ROUNDS):
+            if not self._touched:
+                return True
+            touched = self._touched.union(*map(self._looked_at_for.__getitem__, self._touched))
+            names, self._touched = sorted(touched, key=self._position.__getitem__), set()
+            now_s = self._clock.now_s()
+            for reading in [reading for name in names for reading in self._tick(self._observers[name], now_s)]:
+                self._commit(reading)
+        return False
+
+    def _tick(self, observer: Observer, now_s: float) -> list[Reading[Value]]:
+        try:
+            readings = observer.tick(now_s)
+        except Exception as error:  # noqa: BLE001 - one broken tree must not stop the forest
+            readings = observer.fail(described(error))
+            self._event_writer.write(Kind.OBSERVER, observer.name, "failed", message=described(error))
+        self._wake_at(observer, observer.next_tick_s())
+        return readings
+
+    def _wake_at(self, observer: Observer, instant_s: float | None) -> None:
+        """Let an observer be ticked at an instant; one tick that comes before it sets the next."""
+        timer = self._timers.get(observer.name)
+        if instant_s is not None and (timer is None or timer.instant_s > instant_s):
+            if timer is not None:
+                timer.cancel()
+            self._timers[observer.name] = self._clock.call_at(instant_s, lambda: self._wake(observer))
+
+    def _wake(self, observer: Observer) -> None:
+        self._timers.pop(observer.name, None)  # a timer that fires while it is replaced finds the other's entry
+        self.touch(observer)
+
+    def _start(self, name: str) -> None:
+        observer = self._observers[name]
+        observer.start()
+        self._event_writer.write(Kind.OBSERVER, name, "started")
+        self.touch(observer)
+
+    def _stop(self, name: str) -> None:
+        observer = self._observers[name]
+        observer.stop()
+        self._event_writer.write(Kind.OBSERVER, name, "stopped")
+        self._tick(observer, self._clock.now_s())  # once more: the control flag fails, and that cancels its jobs
+        self._stopped(observer)
+
+    def _served_by(self, observer: Observer) -> frozenset[str]:
+        """Return the observers that look on events for the sake of one, directly or not: they tick when it does."""
+        found: set[str] = set()
+        pending = [observer]
+        while pending:
+            names = {self._observer_of[name].name for name in pending.pop().asks_on_events if name in self._observer_of}
+            pending.extend(self._observers[name] for name in names - found)
+            found |= names
+        return frozenset(found)
+
+    def _find_readers(self) -> tuple[dict[str, list[Observer]], dict[str, list[Observer]]]:
+        """Return, by variable, the observers that read it, and those for which its age may matter."""
+        readers: dict[str, list[Observer]] = {}
+        readers_of_age: dict[str, list[Observer]] = {}
+        for name in self._activation.order:
+            observer = self._observers[name]
+            for need in observer.watched():
+                readers.setdefault(need, []).append(observer)
+            has_own = observer.on_event if observer.asks_on_events else ()  # what it asks for depends on their age
+            for need in sorted({*observer.needs_age_of(), *has_own}):
+                readers_of_age.setdefault(need, []).append(observer)
+        return readers, readers_of_age

@@ -1,0 +1,287 @@
+"""An observer at run time: its tree, whose turn it is to look, and what a tick means for its variables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import and_, or_
+
+from py_trees.behaviour import Behaviour
+
+from codra_dsl.logic import Term, Value, reads_ages
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.observers.branch import Branch
+from codra_dsl.runtime.observers.failed_look import FailedLook, decisive
+from codra_dsl.runtime.observers.services import ObserverServices
+from codra_dsl.runtime.observers.ticking import tick
+from codra_dsl.runtime.values.cell import Reading, Reason, known_reading
+from codra_dsl.runtime.values.evidence import ContextNow, Watch
+from codra_dsl.runtime.values.model import Algorithm
+
+__all__ = ["Branch", "Observer", "ObserverModel"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverModel:
+    """An observer O_i: how its tree is built and what it identifies (P1, Equations 5, 6).
+
+    Attributes:
+        period_s: an algorithm looks again this long after it last began to look, or as soon as it is done.
+        priority: the larger goes first when jobs compete for a slot.
+        build: makes the behaviour tree.
+    """
+
+    name: str
+    identifies: tuple[str, ...]
+    build: Callable[[Observer], Behaviour]
+    period_s: float = 1.0
+    priority: int = 0
+
+
+class Observer:
+    """O_i of P1: one behaviour tree that identifies one or more context-variables."""
+
+    def __init__(self, model: ObserverModel, services: ObserverServices, touched: Callable[[Observer], None]) -> None:
+        self.model = model
+        self.name = model.name
+        self.services = services
+        self.wanted = False
+        self.now_s = services.now_s()
+        self._present = ContextNow(services.cells, self.now_s)
+        self._touched = touched
+        self._branches: list[Branch] = []
+        self._writes: list[Reading[Value]] = []
+        self._failed_looks: dict[str, list[FailedLook]] = {}
+        self._concluded = False
+        self._failure: str | None = None
+        self.tree: Behaviour = model.build(self)
+        for branch in self._branches:
+            branch.rivals = self._rivals(branch)
+        self._branches_of = {
+            name: [branch for branch in self._branches if name in branch.identifies] for name in model.identifies
+        }
+        self.on_event = tuple(name for name in model.identifies if services.variables[name].refresh == "on_event")
+        for branch in self._branches:
+            branch.is_on_event = set(branch.identifies) <= set(self.on_event)
+        self.asks_on_events = tuple(name for name in self.needs() if services.variables[name].refresh == "on_event")
+        self._aging = [term for term in self._terms() if reads_ages(term)]
+        self._watches = {name: Watch(term) for name in model.identifies if (term := self.observable(name)) is not None}
+
+    def branch(self, algorithm: Algorithm) -> Branch:
+        """Return a new branch for an algorithm; generated code calls this while it builds the tree."""
+        branch = Branch(algorithm, self)
+        self._branches.append(branch)
+        return branch
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """Return the branches, by rank."""
+        return tuple(self._branches)
+
+    def needs(self) -> tuple[str, ...]:
+        """Return C_Oi, the context-variables that the observer reads (P1, Equation 7), sorted."""
+        return tuple(sorted({name for term in self._terms() for name in term.variables()}))
+
+    def watched(self) -> tuple[str, ...]:
+        """Return the variables whose changes it has to know of: what it needs, and what it looks at on events."""
+        return tuple(sorted({*self.needs(), *self.on_event}))
+
+    def needs_age_of(self) -> tuple[str, ...]:
+        """Return the context-variables of which newer evidence may matter though the value is the same, sorted."""
+        return tuple(sorted({name for term in self._aging for name in term.variables()}))
+
+    def observable(self, variable: str) -> Term | None:
+        """Return when a variable can be observed: one of its algorithms has all it needs. None if always."""
+        conditions = [[term for _, term in branch.conditions] for branch in self._branches_of[variable]]
+        return reduce(or_, (reduce(and_, terms) for terms in conditions)) if conditions and all(conditions) else None
+
+    def present(self) -> ContextNow:
+        """Return the context as it is at this tick."""
+        return self._present
+
+    def asking_for(self, variable: str) -> list[Branch]:
+        """Return the branches that need a variable to look now, if somebody asks for what they identify."""
+        if not self.wanted:
+            return []
+        return [branch for branch in self._branches if branch.reads(variable) and branch.would_look]
+
+    def obstacle(self, variable: str) -> str:
+        """Return what keeps every algorithm of a variable from looking now; empty if one can look."""
+        if self._failure is not None:
+            return f"{self.name} broke and rests: withdraw {variable} and declare it again"
+        present = ContextNow(self.services.cells, self.services.now_s())
+        conditions = [branch.blocking_condition(present) for branch in self._branches_of[variable]]
+        return "; ".join(name for name in conditions if name is not None) if all(conditions) else ""
+
+    def touch(self) -> None:
+        """Say that a tick may bring something new."""
+        self._touched(self)
+
+    # What its branches tell it
+
+    def note_conclusion(self) -> None:
+        """Note that an attempt came to its end in this tick: what it means is settled by the next, at this instant."""
+        self._concluded = True
+
+    def set_back(self, variable: str, failed_look: FailedLook) -> None:
+        """Keep a setback until it is clear that no alternative delivers."""
+        self._failed_looks.setdefault(variable, []).append(failed_look)
+
+    def write(self, variable: str, content: Value, algorithm: str, start_s: float, stamp_s: float) -> bool:
+        """Keep an identified value until the end of the round; return whether its evidence counts."""
+        if not self.services.cells[variable].admits(start_s, stamp_s):
+            self.services.event_writer.write(
+                Kind.VARIABLE, variable, "too_old", value=content, evidence_s=stamp_s, source=algorithm
+            )
+            return False
+        expires_s = stamp_s + self.services.variables[variable].valid_for_s
+        self._failed_looks.pop(variable, None)
+        self._writes.append(known_reading(variable, content, stamp_s, start_s, self.now_s, expires_s, algorithm))
+        return True
+
+    def next_in_turn(self, branch: Branch) -> Branch | None:
+        """Return which one of a branch and its rivals may start a job now, if one may.
+
+        An algorithm has something to do if a variable is not served by one of better rank. Of those that have, the one
+        goes first that has not run for the longest time, so that none starves another; then rank decides.
+        """
+        if any(rival.busy for rival in branch.rivals):
+            return None
+        ready = [rival for rival in branch.rivals if rival.next_start_s() <= self.now_s and self._may_run(rival)]
+        return min(ready, key=lambda rival: rival.last_start_s, default=None)
+
+    # Its life
+
+    def start(self) -> None:
+        """Let it run; it looks as soon as it can."""
+        self.wanted, self._failure = True, None
+        for branch in self._branches:
+            branch.refresh()
+
+    def stop(self) -> None:
+        """Clear the control flag; the next tick cancels its jobs."""
+        self.wanted = False
+
+    def tick(self, now_s: float) -> list[Reading[Value]]:
+        """Tick the tree once and return what it identified, or made unknown."""
+        self.now_s, self._writes, self._concluded = now_s, [], False
+        self._present = ContextNow(self.services.cells, now_s)
+        if self._failure is not None:
+            return []
+        for branch in self._branches:
+            branch.note_stuck()
+        tick(self.tree)
+        if not self.wanted:
+            self._failed_looks.clear()
+            return []
+        for variable in self.model.identifies:
+            self._settle(variable)
+        if self._concluded and self._is_unsettled():
+            self.touch()
+        return self._writes
+
+    def fail(self, message: str) -> list[Reading[Value]]:
+        """Rest until it is started anew, because its tree is broken; what it wrote becomes unknown."""
+        self._writes, self._failure = [], message
+        for branch in self._branches:
+            branch.cancel()
+        self._failed_looks.clear()
+        for variable in self.model.identifies:
+            reading = self._reading(variable)
+            if not reading.known or self._is_own(reading):
+                self._make_unknown(variable, FailedLook(Reason.FAILED, message, self.now_s, self.name))
+        return self._writes
+
+    def next_tick_s(self) -> float | None:
+        """Return when a tick next brings something new, if nothing else changes before."""
+        if not self.wanted or self._failure is not None:
+            return None
+        flips = (term.flips_s(self._present) for term in self._aging)
+        instants = [self.now_s + wait_s for wait_s in flips if wait_s]
+        for branch in self._branches:
+            start_s = branch.next_start_s()
+            is_free = not any(rival.busy for rival in branch.rivals)
+            if self.now_s < start_s < math.inf and is_free and (self.asks_on_events or self._may_run(branch)):
+                instants.append(start_s)
+        return min(instants, default=None)
+
+    # Within
+
+    def _terms(self) -> list[Term]:
+        return [term for branch in self._branches for _, term in branch.conditions]
+
+    def _rivals(self, branch: Branch) -> tuple[Branch, ...]:
+        """Return, by rank, the branches of which one at a time can run: they share variables, be it through another."""
+        group = [branch]
+        for member in group:
+            names = set(member.identifies)
+            group.extend(other for other in self._branches if other not in group and names & set(other.identifies))
+        return tuple(sorted(group, key=self._branches.index))
+
+    def _may_run(self, branch: Branch) -> bool:
+        if branch.is_occupied or branch.blocking_condition(self.present()) is not None:
+            return False
+        better = self._branches[: self._branches.index(branch)]
+        return any(not any(other.serves(variable) for other in better) for variable in branch.identifies)
+
+    def _reading(self, variable: str) -> Reading[Value]:
+        """Return the present reading of a variable, counting what this tick wrote."""
+        present = self.services.cells[variable].reading.at(self.now_s)
+        written = (reading for reading in self._writes if reading.name == variable)
+        return sorted((present, *written), key=lambda reading: reading.evidence_s)[-1]
+
+    def _is_own(self, reading: Reading[Value]) -> bool:
+        return any(branch.algorithm.name == reading.source for branch in self._branches)
+
+    def _settle(self, variable: str) -> None:
+        """Decide what a tick means for a variable beside the value that it may have brought."""
+        forgets = self._forgets(variable)
+        if variable in self._failed_looks and not self._concluded and not self._alternative_is_busy(variable):
+            failed_look = decisive(self._reading(variable), self._failed_looks.pop(variable, ()), forgets=forgets)
+            if failed_look is not None:
+                self._make_unknown(variable, failed_look)
+        if forgets and variable in self._watches:
+            self._forget_unseen(variable)
+
+    def _forgets(self, variable: str) -> bool:
+        """Return whether a value is lost when it cannot be seen; of what an action changes meanwhile, it always is."""
+        model = self.services.variables[variable]
+        return model.when_unobservable == "forget" or self.services.event_triggers.may_be_changing(variable)
+
+    def _is_unsettled(self) -> bool:
+        """Return whether, after an attempt, another tick at this instant may bring something."""
+        if self._failed_looks or len(self._branches) > 1:
+            return True
+        return self._branches[0].next_start_s() <= self.now_s
+
+    def _alternative_is_busy(self, variable: str) -> bool:
+        """Return whether an algorithm that has not been set back itself may still deliver."""
+        tried = {failed_look.algorithm for failed_look in self._failed_looks.get(variable, ())}
+        return any(branch.busy and branch.algorithm.name not in tried for branch in self._branches_of[variable])
+
+    def _forget_unseen(self, variable: str) -> None:
+        reading = self._reading(variable)
+        if not reading.known:
+            return
+        watch, cells = self._watches[variable], self.services.cells
+        loss_s = watch.loss_s(cells, reading, is_own=self._is_own(reading), now_s=self.now_s)
+        if loss_s is not None:
+            since_s = max(loss_s, reading.evidence_s)
+            self._make_unknown(variable, FailedLook(Reason.FORGOTTEN, self._blocked_by(variable), since_s, self.name))
+
+    def _blocked_by(self, variable: str) -> str:
+        conditions = (branch.blocking_condition(self.present()) for branch in self._branches_of[variable])
+        return "; ".join(name or "a condition that did not hold for a moment" for name in conditions)
+
+    def _make_unknown(self, variable: str, failed_look: FailedLook) -> None:
+        reading: Reading[Value] = Reading(
+            name=variable,
+            reason=failed_look.reason,
+            detail=failed_look.detail,
+            evidence_s=failed_look.since_s,
+            identified_s=self.now_s,
+            source=failed_look.algorithm,
+        )
+        self._writes.append(reading)

@@ -1,0 +1,42 @@
+"""What an observer sees of the context manager."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.journal import EventWriter
+from codra_dsl.runtime.observers.event_triggers import EventTriggers
+from codra_dsl.runtime.perception import Perception
+from codra_dsl.runtime.values.cell import Cell
+from codra_dsl.runtime.values.model import VariableModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverServices:
+    """What an observer sees of the context manager.
+
+    Attributes:
+        cells: all variables.
+        variables: how they are declared.
+        perception: runs jobs.
+        event_triggers: knows when to look on events.
+        event_writer: tells the record.
+        clock: real or simulated time.
+        urgency: returns how soon a decision needs what an observer, by its name, identifies.
+        is_asked_for: returns whether a variable is declared, or an observer needs it that is due to look.
+    """
+
+    cells: Mapping[str, Cell]
+    variables: Mapping[str, VariableModel]
+    perception: Perception
+    event_triggers: EventTriggers
+    event_writer: EventWriter
+    clock: Clock
+    urgency: Callable[[str], int]
+    is_asked_for: Callable[[str], bool]
+
+    def now_s(self) -> float:
+        """Return the present instant."""
+        return self.clock.now_s()

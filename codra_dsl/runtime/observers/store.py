@@ -1,0 +1,109 @@
+"""The central data structure of P1, section 3.3: all context-variables, through which every change goes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.journal import EventWriter
+from codra_dsl.runtime.values.cell import FOREVER_S, Cell, Reading, Reason
+from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.values.model import VariableModel
+
+
+class Store:
+    """Holds the cells, ends their validity in time, and tells who reads them. Whoever writes holds the lock.
+
+    Attributes:
+        mirror: takes each reading before the cells do, for the knowledge graph of which they are attributes.
+    """
+
+    def __init__(
+        self,
+        variables: Sequence[VariableModel],
+        clock: Clock,
+        event_writer: EventWriter,
+        changed: Callable[[str, bool], None],
+    ) -> None:
+        """Make all variables unknown.
+
+        Args:
+            variables: C_M.
+            clock: real or simulated time.
+            event_writer: is told every change.
+            changed: called with the name of a variable whose present or past has changed, and whether it only has
+                newer evidence for what it told before.
+        """
+        self.variables: Mapping[str, VariableModel] = {variable.name: variable for variable in variables}
+        self.cells: Mapping[str, Cell] = {name: Cell(name, each.history) for name, each in self.variables.items()}
+        self._clock = clock
+        self._event_writer = event_writer
+        self._changed = changed
+        self._expiring: set[str] = set()
+        self.mirror: Callable[[Reading[Value]], None] | None = None
+
+    def reading(self, name: str) -> Reading[Value]:
+        """Return what is known of a variable now; any thread may ask, without the lock."""
+        return self.cells[name].reading.at(self._clock.now_s())
+
+    def write(self, reading: Reading[Value]) -> None:
+        """Take a reading that is identified now: as the present one, or if its evidence is older into the history."""
+        name = reading.name
+        if reading.expires_s == FOREVER_S and reading.reason is None:
+            expires_s = reading.evidence_s + self.variables[name].valid_for_s
+            reading = reading if expires_s == FOREVER_S else replace(reading, expires_s=expires_s)
+        if self.mirror is not None and self.variables[name].posed is None:
+            self.mirror(reading)
+        cell = self.cells[name]
+        before = cell.reading
+        is_present = cell.write(reading)
+        self._event_writer.write_reading(reading.identified_s, reading, is_present)
+        if is_present and reading.expires_s != FOREVER_S and name not in self._expiring:
+            self._watch_expiry(reading)
+        self._changed(name, is_present and before.content == reading.content and _tells_the_same(before, reading))
+
+    def make_unknown(self, name: str, reason: Reason, detail: str, source: str) -> None:
+        """Make a variable unknown from now on."""
+        now_s = self._clock.now_s()
+        self.write(
+            Reading(name=name, reason=reason, detail=detail, evidence_s=now_s, identified_s=now_s, source=source)
+        )
+
+    def invalidate(self, name: str, skill: str, source: str) -> None:
+        """Make a variable unknown because a skill changes it; evidence that is being taken does not count."""
+        self.cells[name].invalidated_s = self._clock.now_s()
+        self.make_unknown(name, Reason.INVALIDATED, skill, source)
+
+    def forget(self, names: Iterable[str], observer: str) -> None:
+        """Make unknown, of what an observer that stops identifies, what is to be forgotten when nobody looks."""
+        for name in names:
+            if self.variables[name].when_unobservable == "forget" and self.reading(name).known:
+                self.make_unknown(name, Reason.WITHDRAWN, observer, MAIN)
+
+    def _watch_expiry(self, reading: Reading[Value]) -> None:
+        if reading.expires_s != FOREVER_S and reading.name not in self._expiring:
+            self._expiring.add(reading.name)
+            self._clock.call_at(reading.expires_s, lambda: self._expire(reading.name))
+
+    def _expire(self, name: str) -> None:
+        """Make a variable unknown at the end of its validity; newer evidence moves that end."""
+        self._expiring.discard(name)
+        cell = self.cells[name]
+        if cell.expire(self._clock.now_s()):
+            self._event_writer.write_reading(self._clock.now_s(), cell.reading, True)
+            self._changed(name, False)
+        else:
+            self._watch_expiry(cell.reading)
+
+
+def _tells_the_same(before: Reading[Value], reading: Reading[Value]) -> bool:
+    """Return, of two readings of the same content, whether the first was known or unknown like the second until now."""
+    if before.reason is not None and reading.reason is not None:
+        # what is found out of the time before a value went stale changes the past
+        return before.reason is not Reason.STALE or before.identified_s <= reading.evidence_s
+    if before.reason is not None or reading.reason is not None:
+        return False
+    # evidence that began sooner may be from before the end of acting: then it is worth another look
+    return before.expires_s > reading.identified_s and before.start_s <= reading.start_s

@@ -1,0 +1,65 @@
+"""How soon the main execution needs what an observer identifies, for itself or for what other observers identify."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import IntEnum
+
+from codra_dsl.runtime.values.declarations import Declarations
+
+
+class Urgency(IntEnum):
+    """Why a variable is needed, the more urgent the larger."""
+
+    DECLARED = 0
+    EXPECTED = 1
+    UNDER_WAY = 2
+    WAITED_FOR = 3
+
+
+class Urgencies:
+    """Knows, for each observer, the most urgent need that it serves, by itself or through those that read it."""
+
+    def __init__(self, identifies: Mapping[str, Sequence[str]], needs: Mapping[str, Sequence[str]]) -> None:
+        """Relate observers.
+
+        Args:
+            identifies: the variables of each observer.
+            needs: the variables that each observer reads (P1, Equation 7).
+        """
+        self._observer_of = {variable: name for name, variables in identifies.items() for variable in variables}
+        self._needs = needs
+        self._waiting: dict[int, str] = {}
+        self._levels: dict[str, Urgency] = {}
+        self._seen: tuple[int, tuple[str, ...]] | None = None
+
+    def wait(self, number: int, variable: str) -> None:
+        """Take note that a decision waits for a variable."""
+        self._waiting[number] = variable
+
+    def answer(self, number: int) -> None:
+        """Take note that it does not wait any more."""
+        self._waiting.pop(number, None)
+
+    def of(self, observer: str, declarations: Declarations) -> Urgency:
+        """Return how urgent an observer is now."""
+        seen = (declarations.version, tuple(self._waiting.values()))
+        if seen != self._seen:
+            self._seen, self._levels = seen, {}
+            for urgency, variables in self._wanted(declarations):
+                self._spread(urgency, variables)
+        return self._levels.get(observer, Urgency.DECLARED)
+
+    def _wanted(self, declarations: Declarations) -> Iterator[tuple[Urgency, Iterable[str]]]:
+        yield Urgency.WAITED_FOR, self._waiting.values()
+        yield Urgency.UNDER_WAY, declarations.of_skills()
+        yield Urgency.EXPECTED, declarations.of_expected()
+
+    def _spread(self, urgency: Urgency, variables: Iterable[str]) -> None:
+        """Let observers of variables, and of what these need, be as urgent as that, if they are not more so."""
+        pending = list(variables)
+        while pending:
+            observer = self._observer_of.get(pending.pop())
+            if observer is not None and observer not in self._levels:
+                self._levels[observer] = urgency
+                pending.extend(self._needs[observer])

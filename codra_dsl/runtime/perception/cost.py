@@ -1,0 +1,77 @@
+"""The costs and results of an observer's jobs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """The costs and results of an observer; each ended job is in exactly one count from `accepted` to `cancelled`.
+
+    Attributes:
+        jobs: jobs that have begun.
+        accepted: results that gave at least one variable a value.
+        rejected: results that gave no variable a value.
+        voided: jobs whose evidence does not count, because a precondition failed while it was taken.
+        failed: jobs that raised, timed out, or returned an invalid result.
+        cancelled: jobs that were no longer needed, because their observer stopped or a precondition failed.
+        waiting_s: time between request and begin of jobs, spent waiting for slots.
+        perception_s: time between begin and end of jobs.
+        slot_s: time between begin and end of jobs, times the number of slots that the job held.
+    """
+
+    jobs: int = 0
+    accepted: int = 0
+    rejected: int = 0
+    voided: int = 0
+    failed: int = 0
+    cancelled: int = 0
+    waiting_s: float = 0.0
+    perception_s: float = 0.0
+    slot_s: float = 0.0
+
+    def __add__(self, other: Cost) -> Cost:
+        mine, others = asdict(self), asdict(other)
+        return Cost(**{name: mine[name] + others[name] for name in mine})
+
+
+class CostMeter:
+    """Counts the costs and results of one algorithm.
+
+    Attributes:
+        judged: results that were judged.
+        accepted: judged results that gave a variable a value.
+        voided: jobs whose evidence does not count.
+        failed: jobs without a result.
+        cancelled: jobs that were no longer needed.
+    """
+
+    def __init__(self) -> None:
+        self.judged = self.accepted = self.voided = self.failed = self.cancelled = 0
+        self._jobs = 0
+        self._waiting_s = self._perception_s = self._slot_s = 0.0
+
+    def begin(self, waited_s: float) -> None:
+        """Count a job that begins."""
+        self._jobs += 1
+        self._waiting_s += waited_s
+
+    def end(self, taken_s: float, slots: int) -> None:
+        """Count the time of a job that ends."""
+        self._perception_s += taken_s
+        self._slot_s += taken_s * slots
+
+    def spent(self) -> Cost:
+        """Return the costs and results so far."""
+        return Cost(
+            jobs=self._jobs,
+            accepted=self.accepted,
+            rejected=self.judged - self.accepted,
+            voided=self.voided,
+            failed=self.failed,
+            cancelled=self.cancelled,
+            waiting_s=self._waiting_s,
+            perception_s=self._perception_s,
+            slot_s=self._slot_s,
+        )

@@ -1,0 +1,93 @@
+"""Functions that a spec's `call` names, and the errors that can occur before they run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+from codra_dsl.isolation.function_host import AbsentError, resolved
+from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.perception.job import RunningJob
+from codra_dsl.runtime.values.model import Algorithm, ResourceModel
+
+Function = Callable[..., object]
+"""A perception function: it takes keyword arguments and returns a mapping that matches the spec's `returns`.
+
+Alternatively a class whose objects have such a method `perceive` and, optionally, `setup` and `close`.
+"""
+
+
+class CallError(LookupError):
+    """A spec's `call` names no function, or a resource has no handle: the robot's program is incomplete."""
+
+
+class JobError(Exception):
+    """A job failed; the error's text is the complete message."""
+
+
+class Executor(Protocol):
+    """Executes the jobs of one algorithm, one at a time."""
+
+    def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
+        """Return the function's return value, unchecked.
+
+        Args:
+            job: the job.
+            given: the function's other arguments: literals, and values of context-variables.
+            handles: the handles of the resources that it reads.
+
+        Raises:
+            BaseException: any exception that the function raises, or `JobError`.
+        """
+        ...
+
+    def give_up(self) -> None:
+        """End the running job, if possible, after it was cancelled and its time has passed. Never waits."""
+        ...
+
+    def await_ready(self) -> None:
+        """Wait until it is known that the function exists.
+
+        Raises:
+            CallError: if it does not exist.
+        """
+        ...
+
+    def hang_up(self) -> None:
+        """Request the end of everything; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Wait briefly for the end."""
+        ...
+
+
+def imported(algorithm: Algorithm) -> Function:
+    """Return the function, or class, that an algorithm's `call` names.
+
+    Raises:
+        CallError: if it names none.
+    """
+    try:
+        return resolved(algorithm.call)
+    except AbsentError as error:
+        raise absent(algorithm, error) from error.__cause__
+
+
+def absent(algorithm: Algorithm, why: object) -> CallError:
+    """Return the error for a `call` that names nothing that perceives; `why` begins with a comma or colon."""
+    return CallError(f"perception {algorithm.name!r} calls {algorithm.call!r}{why}")
+
+
+def check_handles(resources: Iterable[ResourceModel], handles: Iterable[str]) -> None:
+    """Raise an error for a handle that nothing reads: its name is misspelt, or its resource has slots instead.
+
+    Raises:
+        CallError: if a resource is unknown or has slots.
+    """
+    slots = {resource.name: resource.slots for resource in resources}
+    for name in handles:
+        if name not in slots:
+            raise CallError(str(unknown("resource", name, slots)))
+        if slots[name] is not None:
+            raise CallError(f"resource {name!r} has slots and takes no handle: leave it out of `resources`")

@@ -1,0 +1,75 @@
+"""One job of one algorithm, from the request to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import Enum
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.clock import Timer, Work
+from codra_dsl.runtime.perception.job import Interval, RunningJob
+from codra_dsl.runtime.perception.outcome import Failure, Result
+from codra_dsl.runtime.perception.slots import Ticket
+from codra_dsl.runtime.values.model import Algorithm
+
+
+class State(Enum):
+    """The state of an attempt."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    ENDED = "ended"
+
+
+class JobRun:
+    """One job of one algorithm, from the request to its end.
+
+    Attributes:
+        state: whether it waits, runs or has ended.
+        requested_s: when it was requested.
+        start_s: when the job began; None before that.
+        end_s: when the job ended; None before that.
+        outcome: its result or failure; None until it has ended, and forever if it was cancelled or could not begin.
+    """
+
+    def __init__(
+        self,
+        algorithm: Algorithm,
+        index: int,
+        arguments: Callable[[], Mapping[str, Value | None] | None],
+        changed: Callable[[], None],
+    ) -> None:
+        self.algorithm = algorithm
+        self.index = index
+        self.arguments = arguments
+        self.changed = changed
+        self.state = State.WAITING
+        self.requested_s = 0.0
+        self.start_s: float | None = None
+        self.end_s: float | None = None
+        self.outcome: Result | Failure | None = None
+        self.ticket: Ticket | None = None
+        self.timeout: Timer | None = None
+        self.work: Work | None = None
+        self.job: RunningJob | None = None
+        self.last_report: tuple[float, Interval] | None = None
+        self.on_evidence: Callable[[JobRun, float, Interval], None] = _ignore
+
+    def evidence(self, now_s: float) -> Interval | None:
+        """Return when its evidence is taken, as reported by the job until now; None before the job runs.
+
+        If the job has reported nothing about its evidence, the evidence is taken during the entire job.
+        """
+        if self.start_s is None:
+            return None
+        report = self.job.reported_by(now_s) if self.job is not None else None
+        if report is None:
+            return Interval(self.start_s, self.end_s)
+        if report is not self.last_report:
+            self.last_report = report
+            self.on_evidence(self, *report)
+        return report[1]
+
+
+def _ignore(*_: object) -> None:
+    pass

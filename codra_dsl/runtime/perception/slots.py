@@ -1,0 +1,175 @@
+"""Slots of shared resources: how many jobs may use them at a time, and who goes first."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.values.model import ResourceModel
+
+Precedence = Callable[[], tuple[float, int]]
+"""Tells how a request stands now: its priority, then how urgent it is; the larger goes first."""
+
+MAIN_EXECUTION = math.inf
+"""The priority of the main execution: it goes before every observer (P1, section 3.2)."""
+
+_TOLERANCE_S = 1e-9
+
+
+class Ticket:
+    """A place in the queue for slots, then the slots themselves.
+
+    Attributes:
+        lasts_s: for how long it uses the slots at most.
+        age_s: how long it has waited, not counting the time in which the main execution left no slot.
+    """
+
+    __slots__ = ("_precedence", "age_s", "grant", "held", "lasts_s", "number", "slots")
+
+    def __init__(
+        self, slots: tuple[str, ...], precedence: Precedence, number: int, lasts_s: float, grant: Callable[[], None]
+    ) -> None:
+        self.slots = slots
+        self.number = number
+        self.lasts_s = lasts_s
+        self.grant = grant
+        self.age_s = 0.0
+        self.held = False
+        self._precedence = precedence
+
+    @property
+    def is_of_main_execution(self) -> bool:
+        """Return whether the main execution asks."""
+        return self._precedence()[0] == MAIN_EXECUTION
+
+    def rank(self) -> tuple[float, int, int]:
+        """Return its place among those that wait: the smaller goes first."""
+        priority, urgency = self._precedence()
+        return (-priority, -urgency, self.number)
+
+
+class Slots:
+    """Grants slots by priority, then urgency, then waiting time, as long as nobody is passed over for too long.
+
+    Who waits grows older while observers could have had the slot. Where n algorithms use a resource, each with one job
+    at a time, and the longest timeout of these is T, none waits until it is older than n T: a request passes older ones
+    only if each of them could still begin in time were all that are older yet to take as long as they may. So the
+    oldest can always go, and what has just come, with n - 1 others before it, has T to spare.
+
+    Several slots are granted together or not at all, so that nobody holds one while waiting for another; and whoever
+    waits for several is not passed by those who need only one of them and rank lower.
+    """
+
+    def __init__(self, clock: Clock, resources: Mapping[str, ResourceModel]) -> None:
+        """Make all slots free; a resource without a number of slots takes any number of jobs."""
+        self._clock = clock
+        self._free = {name: math.inf if model.slots is None else model.slots for name, model in resources.items()}
+        self._all = dict(self._free)
+        self._main: Counter[str] = Counter()
+        self._users: Counter[str] = Counter()
+        self._longest_s: dict[str, float] = {}
+        self._queue: dict[int, Ticket] = {}
+        self._requests = 0
+        self._counted_s = clock.now_s()
+        self._is_due = False
+
+    @property
+    def resources(self) -> Mapping[str, float]:
+        """Return how many slots of each resource are free."""
+        return self._free
+
+    def expect(self, slots: Iterable[str], timeout_s: float) -> None:
+        """Say that there is an algorithm whose jobs use some slots for so long at most."""
+        for slot in slots:
+            self._users[slot] += 1
+            self._longest_s[slot] = max(timeout_s, self._longest_s.get(slot, 0.0))
+
+    def request(
+        self, slots: tuple[str, ...], precedence: Precedence, grant: Callable[[], None], lasts_s: float = 0.0
+    ) -> Ticket:
+        """Queue for slots; `grant` is called once all are free, in an event of its own."""
+        self._grow_older()
+        self._requests += 1
+        ticket = Ticket(tuple(dict.fromkeys(slots)), precedence, self._requests, lasts_s, grant)
+        self._queue[ticket.number] = ticket
+        self._grant_soon()
+        return ticket
+
+    def release(self, ticket: Ticket) -> None:
+        """Give slots back, or leave the queue; harmless when done twice."""
+        self._grow_older()
+        if ticket.held:
+            ticket.held = False
+            self._move(ticket, 1)
+        else:
+            self._queue.pop(ticket.number, None)
+        self._grant_soon()
+
+    def _grant_soon(self) -> None:
+        if self._queue and not self._is_due:
+            self._is_due = True
+            self._clock.call_at(self._clock.now_s(), self._grant_all)
+
+    def _grant_all(self) -> None:
+        self._is_due = False
+        self._grow_older()
+        waiting = sorted(self._worth_asking(), key=Ticket.rank)
+        while self._grant_next(waiting):
+            waiting = [ticket for ticket in waiting if ticket.number in self._queue]
+
+    def _worth_asking(self) -> Iterable[Ticket]:
+        """Return who waits; while all who need slots wait for one that is taken, only those who need none."""
+        free = [ticket for ticket in self._queue.values() if all(self._free[slot] > 0 for slot in ticket.slots)]
+        return self._queue.values() if any(ticket.slots for ticket in free) else free
+
+    def _grant_next(self, waiting: Sequence[Ticket]) -> bool:
+        """Grant the first whose slots are free, and all before it that need none; return whether there was one.
+
+        Slots count as taken that those need who stand before it and have to wait.
+        """
+        wanted: Counter[str] = Counter()
+        spare_s = self._spare_s() if any(ticket.slots for ticket in waiting) else {}
+        for ticket in waiting:
+            if ticket.lasts_s > spare_s.get(ticket.number, math.inf) + _TOLERANCE_S:
+                continue
+            if any(self._free[slot] <= wanted[slot] for slot in ticket.slots):
+                wanted.update(ticket.slots)
+            elif self._queue.pop(ticket.number, None) is not None:
+                ticket.held = True
+                self._move(ticket, -1)
+                ticket.grant()
+                if ticket.slots:
+                    return True
+        return False
+
+    def _spare_s(self) -> dict[int, float]:
+        """Return, by the number of each request, how long older ones can still be held up by it."""
+        spare_s: dict[int, float] = {}
+        for slot, longest_s in self._longest_s.items():
+            bound_s, least_s, before_s = self._users[slot] * longest_s, math.inf, 0.0
+            for ticket in self._queue.values():
+                if slot in ticket.slots and not ticket.is_of_main_execution:
+                    spare_s[ticket.number] = min(least_s, spare_s.get(ticket.number, math.inf))
+                    least_s = min(least_s, bound_s - ticket.age_s - before_s)
+                    before_s += ticket.lasts_s
+        return spare_s
+
+    def _move(self, ticket: Ticket, count: int) -> None:
+        """Give slots back, or take them."""
+        for slot in ticket.slots:
+            self._free[slot] += count
+            if ticket.is_of_main_execution:
+                self._main[slot] -= count
+
+    def _grow_older(self) -> None:
+        """Let time count for those who wait, unless the main execution has all slots of one that they need."""
+        now_s = self._clock.now_s()
+        passed_s, self._counted_s = now_s - self._counted_s, now_s
+        if passed_s <= 0 or not self._queue:
+            return
+        of_main = {slot for slot, count in self._all.items() if self._main[slot] >= count}
+        for ticket in self._queue.values():
+            if of_main.isdisjoint(ticket.slots):
+                ticket.age_s += passed_s

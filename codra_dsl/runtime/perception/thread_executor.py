@@ -1,0 +1,69 @@
+"""Execute jobs in a thread of the program, where a function can only end by itself."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+
+from codra_dsl.isolation.function_host import FunctionHost
+from codra_dsl.isolation.messages import described
+from codra_dsl.runtime.clock import Cancelled
+from codra_dsl.runtime.perception.functions import Function, JobError
+from codra_dsl.runtime.perception.job import RunningJob
+from codra_dsl.runtime.values.model import Algorithm
+
+_LOGGER = logging.getLogger("codra_dsl.perception")
+
+Begin = Callable[[Callable[[], None]], None]
+"""Runs a function where jobs run."""
+
+
+class ThreadExecutor:
+    """Executes jobs by calling a function, or the object of a class."""
+
+    def __init__(self, algorithm: Algorithm, function: Function, begin: Begin) -> None:
+        """Store the arguments without setting up anything.
+
+        Args:
+            algorithm: the algorithm.
+            function: its function, or class.
+            begin: runs `close` where jobs run.
+        """
+        self._algorithm = algorithm
+        self._perceiver = FunctionHost(function)
+        self._begin = begin
+        self._turn = threading.Lock()
+
+    def perform(self, job: RunningJob, given: Mapping[str, object], handles: Mapping[str, object]) -> object:
+        """Return the function's return value; before the first job, set it up."""
+        with self._turn:
+            if not self._perceiver.is_ready:
+                try:
+                    self._perceiver.setup({**self._algorithm.parameters, **handles})
+                except (Exception, SystemExit) as error:
+                    raise JobError(f"setup: {described(error)}") from error
+                if job.cancelled:
+                    raise Cancelled
+            return self._perceiver.perceive(**given, **handles, job=job)
+
+    def give_up(self) -> None:
+        """Do nothing: a thread can only end by itself."""
+
+    def await_ready(self) -> None:
+        """Do nothing: the function exists."""
+
+    def hang_up(self) -> None:
+        """Close the object, if there is one, once no job uses it."""
+        if self._perceiver.is_open:
+            self._begin(self._close)
+
+    def close(self) -> None:
+        """Do nothing: the caller of `begin` waits for `close` of the object."""
+
+    def _close(self) -> None:
+        with self._turn:
+            try:
+                self._perceiver.close()
+            except BaseException as error:  # noqa: BLE001 - errors of a user's class stay here
+                _LOGGER.warning("perception %r: close: %s", self._algorithm.name, described(error))

@@ -1,0 +1,10 @@
+"""The context manager's interface as versioned messages of plain data, for a main execution in another process."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.remote.client import RemoteContext
+from codra_dsl.runtime.remote.protocol import VERSION, LeaseError, MessageError
+from codra_dsl.runtime.remote.server import Server
+from codra_dsl.runtime.remote.session import Send, Session, open_session
+
+__all__ = ["VERSION", "LeaseError", "MessageError", "RemoteContext", "Send", "Server", "Session", "open_session"]

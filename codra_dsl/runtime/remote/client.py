@@ -1,0 +1,265 @@
+"""The client of a context manager, for a main execution in another process."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import math
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
+from typing import Any, Self, TypeVar
+
+from codra_dsl.runtime.remote.json_lines import (
+    PATIENCE_S,
+    Address,
+    connected,
+    limited,
+    line_of,
+    message_of,
+    read_line,
+    shut,
+)
+from codra_dsl.runtime.remote.protocol import VERSION, Plain, error_of, reading_of
+from codra_dsl.runtime.remote.session import LEASE_S
+from codra_dsl.runtime.values.cell import Reading
+
+Answer = TypeVar("Answer")
+Callback = Callable[[Reading[Any]], None]
+
+_NO_LIMITS = (("max_age_s", math.inf), ("since_s", -math.inf))
+
+_LOGGER = logging.getLogger(__name__)
+
+
+class RemoteSkill:
+    """A skill in progress."""
+
+    def __init__(self, request: Callable[[str], object]) -> None:
+        self._request = request
+
+    @contextlib.contextmanager
+    def acting(self) -> Iterator[None]:
+        """Act: variables that the skill changes are unknown until newer evidence; its expectations count from here."""
+        self._request("act")
+        try:
+            yield
+        finally:
+            with contextlib.suppress(ConnectionError):  # a lost session has ended; do not hide the program's error
+                self._request("acted")
+
+
+class RemoteContext:
+    """Sends requests to a manager that serves at an address; its declarations are withdrawn when it closes or dies.
+
+    Methods behave as on `ContextManager` and raise the same errors, and ConnectionError if the manager is gone or does
+    not answer. Threads may share a client; callbacks run in a separate thread.
+
+    Attributes:
+        hello: the manager's answer to `hello`: spec, party, lease, instant, variables and skills.
+    """
+
+    def __init__(self, address: Address, *, lease_s: float = LEASE_S) -> None:
+        """Connect.
+
+        Args:
+            address: the path of a Unix socket, or a port of 127.0.0.1.
+            lease_s: how long declarations are kept after the last message of this process.
+
+        Raises:
+            ConnectionError: if no manager listens.
+        """
+        try:
+            self._socket = limited(connected(address, PATIENCE_S))
+        except OSError as error:
+            raise ConnectionError(f"no manager listens at {address}: {error.strerror or error}") from None
+        self._lock = threading.Lock()
+        self._numbers = itertools.count(1)
+        self._asked: dict[int, Future[Plain]] = {}
+        self._callbacks: dict[int, Callback] = {}
+        self._readings: queue.Queue[Plain | None] = queue.Queue()
+        self._ended = threading.Event()
+        self._lost = "the connection is closed"
+        for body in (self._read, self._call_back):
+            threading.Thread(target=body, name="codra-client", daemon=True).start()
+        try:
+            self.hello = self._ask("hello", lease_s=lease_s)
+        except BaseException:
+            self._end("the manager refused the connection")
+            raise
+        threading.Thread(target=self._keep, args=(lease_s / 3,), name="codra-client", daemon=True).start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Withdraw all declarations, and disconnect."""
+        with contextlib.suppress(ConnectionError, RuntimeError):
+            self._ask("leave")
+        self._end("the connection is closed")
+
+    def declare(self, name: str, value: object = None) -> None:
+        """Add a variable to C_E(t) (P1, Equation 4)."""
+        self._ask("declare", variable=name, **({} if value is None else {"value": value}))
+
+    def withdraw(self, name: str) -> None:
+        """Withdraw the declaration of a variable."""
+        self._ask("withdraw", variable=name)
+
+    def expect(self, *skills: str) -> None:
+        """Announce the skills that come next."""
+        self._ask("expect", skills=list(skills))
+
+    @contextlib.contextmanager
+    def skill(self, name: str) -> Iterator[RemoteSkill]:
+        """Run a skill; the variables that it previews and monitors are declared until it ends."""
+        number = self._ask("begin", skill=name)["number"]
+        try:
+            yield RemoteSkill(lambda what: self._ask(what, number=number))
+        finally:
+            with contextlib.suppress(ConnectionError):
+                self._ask("finish", number=number)
+
+    def get(self, name: str) -> Reading[Any]:
+        """Return the present reading of a variable."""
+        return reading_of(self._ask("get", variable=name)["reading"])
+
+    def set(self, name: str, value: object, *, evidence_s: float | None = None, agent: str | None = None) -> None:
+        """Write a variable as the main execution, or as an agent."""
+        given = {"evidence_s": evidence_s, "agent": agent}
+        self._ask(
+            "set", variable=name, value=value, **{key: field for key, field in given.items() if field is not None}
+        )
+
+    def decide(
+        self,
+        name: str,
+        otherwise: Callable[[], Answer],
+        *,
+        max_age_s: float = math.inf,
+        since_s: float = -math.inf,
+        wait_up_to_s: float = 0.0,
+        shadow: bool = False,
+    ) -> Any | Answer:
+        """Answer a decision from context; fall back to sequential perception, also if the manager is gone."""
+        wait_up_to_s = min(wait_up_to_s, threading.TIMEOUT_MAX)
+        asked = {"max_age_s": max_age_s, "since_s": since_s, "wait_up_to_s": wait_up_to_s, "shadow": shadow}
+        fields = {key: field for key, field in asked.items() if (key, field) not in _NO_LIMITS}
+        try:
+            answer = self._ask("decide", wait_up_to_s, variable=name, **fields)
+        except ConnectionError as error:
+            _LOGGER.warning("the decision on %s falls back to sequential perception: %s", name, error)
+            return otherwise()
+        if answer["answered"]:
+            return reading_of(answer["reading"]).content
+        return self._look(answer["decision"], otherwise)
+
+    def subscribe(self, names: str | Iterable[str], callback: Callback) -> Callable[[], None]:
+        """Call back with the present readings of variables and every change; return a function that ends this."""
+        future = Future[Plain]()
+        future.add_done_callback(lambda done: self._register(done, callback))  # before the first reading can come
+        variables = [names] if isinstance(names, str) else list(names)
+        with self._lock:
+            asked = self._send("subscribe", {"variables": variables}, future)
+        number = self._answer(asked, future, PATIENCE_S)["subscription"]
+        return lambda: self._unsubscribe(number)
+
+    def _look(self, decision: int, otherwise: Callable[[], Answer]) -> Answer:
+        try:
+            value = otherwise()
+        except BaseException as error:
+            with contextlib.suppress(ConnectionError):
+                self._ask("found", decision=decision, raised=type(error).__name__)
+            raise
+        with contextlib.suppress(ConnectionError):
+            self._ask("found", decision=decision, **({} if value is None else {"value": value}))
+        return value
+
+    def _ask(self, ask: str, wait_s: float = 0.0, /, **fields: object) -> Plain:
+        future = Future[Plain]()
+        with self._lock:
+            number = self._send(ask, fields, future)
+        return self._answer(number, future, wait_s + PATIENCE_S)
+
+    def _send(self, ask: str, fields: Plain, future: Future[Plain]) -> int:
+        number = next(self._numbers)
+        line = line_of({"codra": VERSION, "id": number, "ask": ask, **fields})
+        if self._ended.is_set():
+            raise ConnectionError(self._lost)
+        self._asked[number] = future
+        try:
+            self._socket.sendall(line)
+        except OSError as error:
+            del self._asked[number]
+            raise ConnectionError(f"the manager is gone: {error.strerror or error}") from None
+        return number
+
+    def _answer(self, number: int, future: Future[Plain], wait_s: float) -> Plain:
+        try:
+            return future.result(min(wait_s, threading.TIMEOUT_MAX))
+        except TimeoutError:
+            self._asked.pop(number, None)
+            raise ConnectionError(f"the manager did not answer within {wait_s:g} s") from None
+
+    def _read(self) -> None:
+        lost = "the manager is gone"
+        try:
+            with self._socket.makefile("rb") as stream:
+                while (line := read_line(stream)) is not None:
+                    self._take(message_of(line))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            lost = f"the manager is gone: {error}"
+        self._end(lost)
+
+    def _take(self, message: Any) -> None:
+        over = message if message.get("notice") == "lease_over" else message.get("error", {})
+        if "lease_over" in (over.get("notice"), over.get("kind")):
+            raise OSError(over["message"])
+        if message.get("notice") == "reading":
+            self._readings.put(message)
+        elif (future := self._asked.pop(message["id"], None)) is None:
+            return
+        elif "error" in message:
+            future.set_exception(error_of(message["error"]))
+        else:
+            future.set_result(message["answer"])
+
+    def _end(self, lost: str) -> None:
+        with self._lock:
+            if self._ended.is_set():
+                return
+            self._lost = lost
+            self._ended.set()
+            waiting, self._asked = self._asked, {}
+        self._readings.put(None)
+        for future in waiting.values():
+            future.set_exception(ConnectionError(lost))
+        shut(self._socket)
+
+    def _keep(self, period_s: float) -> None:
+        while not self._ended.wait(min(period_s, threading.TIMEOUT_MAX)):
+            with contextlib.suppress(ConnectionError):
+                self._ask("keep")
+
+    def _register(self, done: Future[Plain], callback: Callback) -> None:
+        if done.exception() is None:
+            self._callbacks[done.result()["subscription"]] = callback
+
+    def _unsubscribe(self, number: int) -> None:
+        self._callbacks.pop(number, None)
+        with contextlib.suppress(ConnectionError, ValueError):
+            self._ask("unsubscribe", subscription=number)
+
+    def _call_back(self) -> None:
+        while (message := self._readings.get()) is not None:
+            callback = self._callbacks.get(message["subscription"])
+            if callback is not None:
+                try:
+                    callback(reading_of(message["reading"]))
+                except Exception:
+                    _LOGGER.exception("a callback raised: %r", callback)

@@ -1,0 +1,134 @@
+"""Messages as lines of JSON over a stream of bytes: UTF-8, one message a line."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import socket
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+from codra_dsl.runtime.journal.encoding import bytes_of, json_text
+from codra_dsl.runtime.remote.protocol import MessageError, Plain
+
+LONGEST_LINE = 1 << 20
+"""The maximum size of a message in bytes."""
+
+LOOPBACK = "127.0.0.1"
+
+PATIENCE_S = 5.0
+"""The time limit for the other side to read, and for the manager to answer if it does not wait for observers."""
+
+Address = Path | str | int
+"""Where a manager listens: the path of a Unix socket, or a port of this machine."""
+
+
+def line_of(message: Plain) -> bytes:
+    """Return the line that carries a message; an infinite number is `1e999`, and NaN null.
+
+    Raises:
+        TypeError: if it holds anything but plain data.
+    """
+    return bytes_of(json_text(message)) + b"\n"
+
+
+def read_line(stream: BinaryIO) -> bytes | None:
+    """Return the next line without its line end; None after the last line.
+
+    Raises:
+        MessageError: if it is too long; the stream cannot be used any further.
+        OSError: if the stream cannot be read.
+    """
+    line = stream.readline(LONGEST_LINE + 1)
+    if len(line) > LONGEST_LINE:
+        raise MessageError(f"a message has {LONGEST_LINE} bytes at most")
+    return line.rstrip(b"\r\n") if line.endswith(b"\n") else None
+
+
+def message_of(line: bytes) -> object:
+    """Return the message that a line carries.
+
+    Raises:
+        MessageError: if it is not JSON.
+    """
+    try:
+        return json.loads(line, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f"this line is not JSON: {error}") from None
+
+
+def listening(address: Address) -> socket.socket:
+    """Return a listening socket; a Unix socket that a process has left behind is replaced.
+
+    Raises:
+        OSError: if the address is taken or cannot be used.
+    """
+    if not isinstance(address, int):
+        _clear_away(Path(address))
+    server, place = _socket(address)
+    try:
+        if isinstance(address, int):
+            server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        server.bind(place)
+        server.listen()
+    except (OSError, OverflowError) as error:
+        server.close()
+        number = getattr(error, "errno", None) or errno.EADDRNOTAVAIL
+        raise OSError(number, f"cannot listen at {address}: {getattr(error, 'strerror', None) or error}") from None
+    return server
+
+
+def _clear_away(path: Path) -> None:
+    """Remove a Unix socket on which no process listens."""
+    if path.is_socket():
+        try:
+            connected(path, 1.0).close()
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
+
+
+def connected(address: Address, timeout_s: float) -> socket.socket:
+    """Return a connected socket.
+
+    Raises:
+        OSError: if no process listens.
+    """
+    client, place = _socket(address)
+    try:
+        client.settimeout(timeout_s)
+        client.connect(place)
+        client.settimeout(None)
+    except (OSError, OverflowError) as error:
+        client.close()
+        raise error if isinstance(error, OSError) else OSError(errno.EADDRNOTAVAIL, str(error)) from None
+    return client
+
+
+def _socket(address: Address) -> tuple[socket.socket, str | tuple[str, int]]:
+    if isinstance(address, int):
+        return socket.socket(socket.AF_INET, socket.SOCK_STREAM), (LOOPBACK, address)
+    return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM), str(address)
+
+
+def _refuse(constant: str) -> object:
+    raise ValueError(f"{constant} is not a JSON number")
+
+
+def limited(connection: socket.socket) -> socket.socket:
+    """Return a connection on which sending fails if the other side does not read for `PATIENCE_S`."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, struct.pack("ll", int(PATIENCE_S), 0))
+    return connection
+
+
+def shut(ended: socket.socket) -> None:
+    """Close a socket, and wake other threads that wait on it."""
+    with contextlib.suppress(OSError):
+        ended.shutdown(socket.SHUT_RDWR)
+    ended.close()
+
+
+def is_of_the_web(line: bytes) -> bool:
+    """Return whether a line that is not JSON begins an HTTP request."""
+    return b" HTTP/" in line

@@ -1,0 +1,238 @@
+"""Version 1 of the manager's message interface: requests, answers and notices, all of plain data.
+
+A message is a JSON object. A request names its operation in `ask` and has an `id`, which its answer or error repeats:
+
+    {"codra": 1, "id": 7, "ask": "get", "variable": "door_open"}
+    {"codra": 1, "id": 7, "answer": {"reading": {"variable": "door_open", "known": true, "value": false, ...}}}
+
+A notice is sent without a request: a new reading of a subscription, or the end of the lease.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from codra_dsl.runtime.context.commands import NotDeclaredError
+from codra_dsl.runtime.errors import AgentTakenError, NotASourceError, UnknownNameError, nearest
+from codra_dsl.runtime.values.cell import Reading, Reason
+from codra_dsl.runtime.values.model import NotOfTypeError
+
+VERSION = 1
+
+Plain = dict[str, Any]
+"""A message, or a part of one: text, numbers, truth values, None, lists and mappings of these."""
+
+MOST_NAMES = 10_000
+"""The maximum number of names in one request."""
+
+
+LARGEST = sys.float_info.max
+"""The largest finite number; integers in JSON can be larger."""
+
+
+class Field(StrEnum):
+    """The type of a field of a request."""
+
+    TEXT = "a text"
+    TEXTS = "a list of texts"
+    INTEGER = "an integer"
+    NUMBER = "a finite number"
+    DURATION = "a finite number that is not negative"
+    TRUTH = "true or false"
+    VALUE = "a text, a finite number, or true or false"
+
+    def holds(self, given: object) -> bool:
+        """Return whether a value has this type."""
+        is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and abs(given) <= LARGEST
+        match self:
+            case Field.TEXT:
+                return isinstance(given, str)
+            case Field.TEXTS:
+                is_list = isinstance(given, (list, tuple)) and len(given) <= MOST_NAMES
+                return is_list and all(isinstance(name, str) for name in given)  # type: ignore[attr-defined]
+            case Field.INTEGER:
+                return isinstance(given, int) and is_number
+            case Field.NUMBER:
+                return is_number
+            case Field.DURATION:
+                return is_number and given >= 0  # type: ignore[operator]
+            case Field.TRUTH:
+                return isinstance(given, bool)
+            case Field.VALUE:
+                return is_number or isinstance(given, (bool, str))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """The fields of one kind of request."""
+
+    required: Mapping[str, Field] = field(default_factory=dict)
+    optional: Mapping[str, Field] = field(default_factory=dict)
+
+
+REQUESTS: Mapping[str, Shape] = {
+    "hello": Shape(optional={"lease_s": Field.DURATION}),
+    "keep": Shape(),
+    "declare": Shape(required={"variable": Field.TEXT}, optional={"value": Field.VALUE}),
+    "withdraw": Shape(required={"variable": Field.TEXT}),
+    "expect": Shape(required={"skills": Field.TEXTS}),
+    "begin": Shape(required={"skill": Field.TEXT}),
+    "act": Shape(required={"number": Field.INTEGER}),
+    "acted": Shape(required={"number": Field.INTEGER}),
+    "finish": Shape(required={"number": Field.INTEGER}),
+    "get": Shape(required={"variable": Field.TEXT}),
+    "set": Shape(
+        required={"variable": Field.TEXT, "value": Field.VALUE},
+        optional={"evidence_s": Field.NUMBER, "agent": Field.TEXT},
+    ),
+    "decide": Shape(
+        required={"variable": Field.TEXT},
+        optional={
+            "max_age_s": Field.DURATION,
+            "since_s": Field.NUMBER,
+            "wait_up_to_s": Field.DURATION,
+            "shadow": Field.TRUTH,
+        },
+    ),
+    "found": Shape(required={"decision": Field.INTEGER}, optional={"value": Field.VALUE, "raised": Field.TEXT}),
+    "subscribe": Shape(required={"variables": Field.TEXTS}),
+    "unsubscribe": Shape(required={"subscription": Field.INTEGER}),
+    "leave": Shape(),
+}
+
+
+class MessageError(ValueError):
+    """A message is not a request of this version."""
+
+
+class LeaseError(RuntimeError):
+    """A request came from a session that is over."""
+
+
+ERRORS: Mapping[str, type[Exception]] = {
+    "malformed": MessageError,
+    "lease_over": LeaseError,
+    "unknown_name": UnknownNameError,
+    "not_declared": NotDeclaredError,
+    "not_a_source": NotASourceError,
+    "agent_taken": AgentTakenError,
+    "not_of_type": NotOfTypeError,
+    "not_allowed": ValueError,
+    "closed": RuntimeError,
+}
+"""The kinds of errors, ordered from special to general."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """A request with valid fields.
+
+    Attributes:
+        id: the ID that the answer repeats; None if the request had none.
+        ask: the operation, a key of `REQUESTS`.
+        fields: the other fields.
+    """
+
+    id: int | str | None
+    ask: str
+    fields: Plain
+
+
+def request_of(message: object) -> Request:
+    """Return the request of a message.
+
+    Raises:
+        MessageError: if it is not a request of this version.
+    """
+    if not isinstance(message, Mapping):
+        raise MessageError("a message is a mapping")
+    if message.get("codra") != VERSION or isinstance(message["codra"], bool):
+        raise MessageError(f"this interface has version {VERSION}: set `codra: {VERSION}`")
+    ask = message.get("ask")
+    if not isinstance(ask, str) or ask not in REQUESTS:
+        raise MessageError(f"`ask` is one of {', '.join(REQUESTS)}{nearest(str(ask), REQUESTS)}")
+    fields = {key: field for key, field in message.items() if key not in ("codra", "id", "ask")}
+    _check_fields(ask, fields)
+    return Request(id=id_of(message), ask=ask, fields=fields)
+
+
+def id_of(message: object) -> int | str | None:
+    """Return the `id` of a message; None if it is missing or neither an integer nor a text."""
+    given = message.get("id") if isinstance(message, Mapping) else None
+    return given if isinstance(given, (int, str)) and not isinstance(given, bool) else None
+
+
+def answer_to(request_id: int | str | None, answer: Plain) -> Plain:
+    """Return the message that answers a request."""
+    return {"codra": VERSION, "id": request_id, "answer": answer}
+
+
+def error_to(request_id: int | str | None, error: Exception) -> Plain:
+    """Return the message that reports the error of a request."""
+    kind = next(kind for kind, class_ in ERRORS.items() if isinstance(error, class_))
+    return {"codra": VERSION, "id": request_id, "error": {"kind": kind, "message": str(error)}}
+
+
+def notice(about: str, **fields: object) -> Plain:
+    """Return a message that is sent without a request."""
+    return {"codra": VERSION, "notice": about, **fields}
+
+
+def error_of(plain: Mapping[str, Any]) -> Exception:
+    """Return the exception that an `error` describes."""
+    return ERRORS.get(str(plain.get("kind")), RuntimeError)(str(plain.get("message", "")))
+
+
+ANSWERED = tuple(ERRORS.values())
+"""The errors that are caused by the sender of a request."""
+
+
+def plain_reading(reading: Reading[Any]) -> Plain:
+    """Return a reading as plain data; infinite and unknown values are None."""
+    return {
+        "variable": reading.name,
+        "known": reading.known,
+        "value": reading.content,
+        "reason": None if reading.reason is None else reading.reason.value,
+        "detail": reading.detail,
+        "source": reading.source,
+        **{name: _finite(getattr(reading, name)) for name in _INSTANTS},
+    }
+
+
+def reading_of(plain: Mapping[str, Any]) -> Reading[Any]:
+    """Return the reading that plain data describes."""
+    instants = {name: plain[name] for name in _INSTANTS if plain[name] is not None}
+    return Reading(
+        name=plain["variable"],
+        content=plain["value"],
+        reason=None if plain["reason"] is None else Reason(plain["reason"]),
+        detail=plain["detail"],
+        source=plain["source"],
+        **instants,
+    )
+
+
+_INSTANTS = ("evidence_s", "start_s", "identified_s", "expires_s")
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None
+
+
+def _check_fields(ask: str, fields: Plain) -> None:
+    shape = REQUESTS[ask]
+    known = {**shape.required, **shape.optional}
+    for name in shape.required:
+        if name not in fields:
+            raise MessageError(f"`{ask}` needs `{name}`: {shape.required[name]}")
+    for name, given in fields.items():
+        if name not in known:
+            raise MessageError(f"`{ask}` has no field {name!r}{nearest(str(name), known)}")
+        if not known[name].holds(given):
+            raise MessageError(f"`{name}` of `{ask}` is {known[name]}")

@@ -1,0 +1,313 @@
+"""The session of a main execution that uses messages: its declarations, decisions, subscriptions and lease.
+
+A session calls the context manager as a program would, step by step and without waiting: a decision that may wait is
+answered later. Its declarations are withdrawn when the main execution leaves, or sends no message within its lease.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from codra_dsl.runtime.callbacks import Subscription
+from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.context.agents import Agent
+from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.context.pending_decision import DecisionState, PendingDecision
+from codra_dsl.runtime.errors import unknown
+from codra_dsl.runtime.remote.protocol import (
+    ANSWERED,
+    LeaseError,
+    MessageError,
+    Plain,
+    Request,
+    answer_to,
+    error_to,
+    id_of,
+    notice,
+    plain_reading,
+    request_of,
+)
+from codra_dsl.runtime.values.cell import Reading
+from codra_dsl.runtime.values.declarations import MAIN
+from codra_dsl.runtime.values.model import VariableModel
+
+MOST_LOOKING = 1_000
+"""The maximum number of decisions for which the main execution looks itself; beyond it, the oldest is abandoned."""
+
+LEASE_S = 5.0
+"""How long a session lasts without a message, unless its main execution requests another time."""
+
+Send = Callable[[Plain], None]
+
+
+def open_session(codra: ContextManager[Any, Any], send: Send) -> Session:
+    """Begin a session for one more main execution, which speaks in messages: plain data, from wherever it is.
+
+    Args:
+        codra: is asked.
+        send: takes answers and notices, from any thread; it must neither wait nor raise.
+    """
+    return Session(codra, codra.clock, codra.next_party(), send)
+
+
+class Session:
+    """The manager's side of one main execution."""
+
+    def __init__(self, codra: ContextManager[Any, Any], clock: Clock, party: str, send: Send) -> None:
+        """Begin a session; use `open_session`.
+
+        Args:
+            codra: the context manager.
+            clock: the clock of the context manager, which ends the lease and the waits.
+            party: the name of the session in declarations.
+            send: takes answers and notices; it must neither wait nor raise.
+        """
+        self.party = party
+        self._codra = codra
+        self._commands = codra.commands
+        self._variables = {variable.name: variable for variable in codra.model.variables}
+        self._skills = frozenset(skill.name for skill in codra.model.skills)
+        self._clock = clock
+        self._send = send
+        self._lock = threading.RLock()
+        self._lease_s = LEASE_S
+        self._heard_s = clock.now_s()
+        self._over = ""
+        self._begun: set[int] = set()
+        self._looking: dict[int, PendingDecision] = {}
+        self._waiting: dict[int, _Wait] = {}
+        self._subscriptions: dict[int, Subscription] = {}
+        self._subscribed = 0
+        self._agents: dict[str, Agent[Any, Any]] = {}
+        self._lease = Timer(math.inf, _ignore)
+        self._watch()
+
+    @property
+    def is_over(self) -> bool:
+        """Return whether the session has ended."""
+        return bool(self._over)
+
+    def receive(self, message: object) -> None:
+        """Handle one message; its answer goes through `send`, at once or, for a decision that waits, later."""
+        with self._lock:
+            try:
+                request = request_of(message)
+                self._check_alive()
+                self._heard_s = self._clock.now_s()
+                answer = self._do(request)
+            except ANSWERED as error:
+                self._send(error_to(id_of(message), error))
+                return
+            if answer is not None:
+                self._send(answer_to(request.id, answer))
+
+    def close(self, because: str = "the session was closed") -> None:
+        """Withdraw all declarations and end the session; do nothing if it is over."""
+        with self._lock:
+            if self._over:
+                return
+            self._over = because
+            self._commands.leave(self.party)
+            self._lease.cancel()
+            for subscription in self._subscriptions.values():
+                subscription.unsubscribe()
+            for wait in self._waiting.values():
+                wait.end()
+            for pending in (*(wait.pending for wait in self._waiting.values()), *self._looking.values()):
+                pending.abandon(LeaseError.__name__)
+            for agent in self._agents.values():
+                agent.close()
+            for memory in (self._subscriptions, self._waiting, self._looking, self._agents):
+                memory.clear()
+
+    # Requests: the handler of request `NAME` is `_NAME`
+
+    def _do(self, request: Request) -> Plain | None:
+        if request.ask == "decide":
+            return self._decide(request.id, **request.fields)
+        handler: Callable[..., Plain] = getattr(self, f"_{request.ask}")
+        return handler(**request.fields)
+
+    def _hello(self, lease_s: float = LEASE_S) -> Plain:
+        self._lease_s = lease_s
+        self._watch()
+        return {
+            "spec": self._codra.model.name,
+            "party": self.party,
+            "lease_s": lease_s,
+            "now_s": self._clock.now_s(),
+            "variables": list(self._variables),
+            "skills": sorted(self._skills),
+        }
+
+    def _keep(self) -> Plain:
+        return {"now_s": self._clock.now_s()}
+
+    def _declare(self, variable: str, value: object = None) -> Plain:
+        content = None if value is None else self._variable(variable).type.convert(value)
+        self._commands.declare(self._variable(variable).name, party=self.party)
+        if content is not None:
+            self._commands.write(variable, content, MAIN, None)
+        return {}
+
+    def _withdraw(self, variable: str) -> Plain:
+        self._commands.withdraw(self._variable(variable).name, party=self.party)
+        return {}
+
+    def _expect(self, skills: list[str]) -> Plain:
+        self._commands.expect([self._skill(name) for name in skills], party=self.party)
+        return {}
+
+    def _begin(self, skill: str) -> Plain:
+        number = self._commands.begin(self._skill(skill), party=self.party)
+        self._begun.add(number)
+        return {"number": number}
+
+    def _act(self, number: int) -> Plain:
+        self._check_begun(number)
+        self._commands.act(number)
+        return {}
+
+    def _acted(self, number: int) -> Plain:
+        self._check_begun(number)
+        self._commands.acted(number)
+        return {}
+
+    def _finish(self, number: int) -> Plain:
+        self._check_begun(number)
+        self._begun.discard(number)
+        self._commands.finish(number)
+        return {}
+
+    def _get(self, variable: str) -> Plain:
+        return {"reading": plain_reading(self._codra.get(variable))}
+
+    def _set(self, variable: str, value: object, evidence_s: float | None = None, agent: str | None = None) -> Plain:
+        writer = self._codra if agent is None else self._agent(agent)
+        writer.set(variable, value, evidence_s=evidence_s)
+        return {}
+
+    def _subscribe(self, variables: list[str]) -> Plain:
+        names = list(dict.fromkeys(self._variable(name).name for name in variables))
+        self._subscribed += 1
+        number = self._subscribed
+
+        def send_reading(reading: Reading[Any]) -> None:
+            with self._lock:  # after the answer with the number, and not after the answer to `unsubscribe`
+                if number in self._subscriptions:
+                    self._send(notice("reading", subscription=number, reading=plain_reading(reading)))
+
+        self._subscriptions[number] = self._codra.subscribe(names, send_reading)
+        return {"subscription": number}
+
+    def _unsubscribe(self, subscription: int) -> Plain:
+        if subscription not in self._subscriptions:
+            raise MessageError(f"there is no subscription {subscription}")
+        self._subscriptions.pop(subscription).unsubscribe()
+        return {}
+
+    def _leave(self) -> Plain:
+        self.close("the main execution has left")
+        return {}
+
+    # Decisions
+
+    def _decide(self, request_id: int | str | None, variable: str, **asked: Any) -> Plain | None:
+        pending = self._codra.ask(variable, **asked)
+        if pending.step is not DecisionState.WAITING:
+            return self._settled(pending)
+        self._waiting[pending.number] = _Wait(
+            pending=pending,
+            request_id=request_id,
+            timer=self._clock.call_at(self._clock.now_s() + asked["wait_up_to_s"], lambda: self._resume(pending)),
+            shared=self._codra.follow(variable, lambda: self._resume(pending)),
+        )
+        self._resume(pending)  # events before `follow` did not call back
+        return None
+
+    def _resume(self, pending: PendingDecision) -> None:
+        """Answer a decision that has waited, if it can be answered or has waited long enough."""
+        with self._lock:
+            if pending.number not in self._waiting or pending.poll() is DecisionState.WAITING:
+                return
+            wait = self._waiting.pop(pending.number)
+            wait.end()
+            self._send(answer_to(wait.request_id, self._settled(pending)))
+
+    def _settled(self, pending: PendingDecision) -> Plain:
+        if pending.step is DecisionState.LOOKING:
+            self._looking[pending.number] = pending
+            if len(self._looking) > MOST_LOOKING:
+                self._looking.pop(next(iter(self._looking))).abandon("not told")
+        answered = {"decision": pending.number, "answered": pending.step is DecisionState.ANSWERED}
+        return {**answered, "reading": plain_reading(pending.reading)}
+
+    def _found(self, decision: int, value: object = None, raised: str | None = None) -> Plain:
+        if decision not in self._looking:
+            raise MessageError(f"no decision {decision} waits for an acquired value")
+        pending = self._looking.pop(decision)
+        if raised is None:
+            pending.found(value)
+        else:
+            pending.abandon(raised)
+        return {}
+
+    def _watch(self) -> None:
+        """End the session when its lease is over; messages since the last check have extended the lease."""
+        with self._lock:
+            if self._over:
+                return
+            end_s = self._heard_s + self._lease_s
+            if end_s <= self._clock.now_s():
+                because = f"no message was received for {self._lease_s:g} s"
+                self.close(because)
+                self._send(notice("lease_over", message=because))
+            else:
+                self._lease.cancel()
+                self._lease = self._clock.call_at(end_s, self._watch)
+
+    def _check_alive(self) -> None:
+        if self._over:
+            raise LeaseError(f"the session is over: {self._over}; connect again and send `hello`")
+
+    def _agent(self, name: str) -> Agent[Any, Any]:
+        """Return the handle of an agent, which the session keeps until it is over."""
+        if name not in self._agents:
+            self._agents[name] = self._codra.agent(name)
+        return self._agents[name]
+
+    def _variable(self, name: str) -> VariableModel:
+        if name not in self._variables:
+            raise unknown("variable", name, self._variables)
+        return self._variables[name]
+
+    def _skill(self, name: str) -> str:
+        if name not in self._skills:
+            raise unknown("skill", name, self._skills)
+        return name
+
+    def _check_begun(self, number: int) -> None:
+        if number not in self._begun:
+            raise MessageError(f"no skill in progress has number {number}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wait:
+    """A decision that is answered later."""
+
+    pending: PendingDecision
+    request_id: int | str | None
+    timer: Timer
+    shared: Subscription
+
+    def end(self) -> None:
+        self.timer.cancel()
+        self.shared.unsubscribe()
+
+
+def _ignore() -> None:
+    pass

@@ -1,0 +1,246 @@
+"""Derive the events of a run again from its journal, with the same inputs and evidence at the same positions.
+
+No perception function is called and no time passes. The same code as in the run computes observers, variables and
+decisions, so a difference means that the spec, the runtime or the journal has changed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from codra_dsl.runtime.context.commands import Commands
+from codra_dsl.runtime.context.context import ContextManager
+from codra_dsl.runtime.context.decisions import Decision, DecisionRequest
+from codra_dsl.runtime.context.model import ContextModel
+from codra_dsl.runtime.journal.event_log import EventLog
+from codra_dsl.runtime.journal.events import Event, Kind
+from codra_dsl.runtime.journal.run_header import RunHeader
+from codra_dsl.runtime.journal.spec_summary_changes import changes_near
+from codra_dsl.runtime.knowledge import ConflictError, KnowledgeModel, Snapshot
+from codra_dsl.runtime.knowledge.context_link import Refused
+from codra_dsl.runtime.replay.comparison import Comparison, Difference, Replayed
+from codra_dsl.runtime.replay.jobs import DivergedError, ReplayedClock, ReplayedJobs
+
+Build = Callable[..., ContextManager[Any, Any]]
+"""Creates the context manager of a package: its class, with the parameters of `ContextManager`."""
+
+
+_PLACE = frozenset({"step", "work", "number"})
+"""Details of inputs that state their position in the run and are not arguments."""
+
+
+class _Player:
+    """Passes the inputs of a journal to a context manager, at their positions."""
+
+    def __init__(
+        self, manager: ContextManager[Any, Any], model: ContextModel, jobs: ReplayedJobs, events: Sequence[Event]
+    ) -> None:
+        self._commands: Commands = manager.commands
+        self._manager = manager
+        self._jobs = jobs
+        self._variables = frozenset(variable.name for variable in model.variables)
+        self._skills = frozenset(skill.name for skill in model.skills)
+        self._decisions: dict[int, Decision] = {}
+        self._of_jobs: dict[int, list[Event]] = {}
+        for event in events:
+            if "work" in event.details:
+                self._of_jobs.setdefault(event.details["work"], []).append(event)
+        jobs.calls = self._take_all_of
+
+    def take(self, event: Event) -> None:
+        """Pass an input to the context manager; an input that was refused in the run is refused again."""
+        details = event.details
+        self._check("variable", [details["variable"]] if "variable" in details else [], self._variables)
+        self._check("skill", details.get("skills", [details["skill"]] if "skill" in details else []), self._skills)
+        try:
+            with contextlib.suppress(PermissionError, ValueError):
+                self._apply(event, details)
+        except (LookupError, TypeError, ConflictError) as error:
+            raise DivergedError(
+                f"{event.what} of {event.name} cannot be replayed: {type(error).__name__} {error}"
+            ) from error
+
+    def _check(self, kind: str, names: Sequence[str], known: frozenset[str]) -> None:
+        missing = next((name for name in names if name not in known), None)
+        if missing is not None:
+            raise DivergedError(f"the package has no {kind} '{missing}', which the run used")
+
+    def _take_all_of(self, work: int) -> None:
+        """Repeat the calls of a job's function, which in simulated time happen within the step that begins the job."""
+        for event in self._of_jobs.get(work, ()):
+            self.take(event)
+
+    def _apply(self, event: Event, details: Mapping[str, Any]) -> None:
+        commands = self._commands
+        match event.what:
+            case "declare":
+                commands.declare(details["variable"], event.name)
+            case "withdraw":
+                commands.withdraw(details["variable"], event.name)
+            case "expect":
+                commands.expect(details["skills"], event.name)
+            case "begin":
+                commands.begin(details["skill"], event.name)
+            case "act":
+                commands.act(details["number"])
+            case "acted":
+                commands.acted(details["number"])
+            case "finish":
+                commands.finish(details["number"])
+            case "leave":
+                commands.leave(event.name)
+            case "write":
+                (evidence_s,) = details.get("evidence_s", (None,))
+                commands.write(details["variable"], details.get("value"), event.name, evidence_s)
+            case "request":
+                commands.request_slots(tuple(details["resources"]), _ignore)
+            case "release":
+                commands.release_slots(details["number"])
+            case "delivered":
+                self._jobs.deliver((event.name, details["index"]))
+            case "close":
+                self._manager.close()
+            case _:
+                self._decide(event, details)
+
+    def _decide(self, event: Event, details: Mapping[str, Any]) -> None:
+        number = details.get("number", 0)
+        match event.what:
+            case "decide":
+                asked = {key: part for key, part in details.items() if key not in _PLACE}
+                self._decisions[number] = self._commands.ask(DecisionRequest(**asked))
+            case "waited":
+                self._commands.resume(self._decisions[number])
+            case "found":
+                decision = self._decisions.pop(number)
+                self._commands.conclude(decision, details.get("value"), details.get("raised"))
+            case "graph":
+                self._manager.knowledge.redo(event.name, json.loads(details["operations"]))
+            case "refused":
+                about = (details["subject"], details["message"], details.get("variable", ""), details.get("value"))
+                self._manager.knowledge.refuse_again(event.name, Refused(*about))
+            case "adapt":
+                adapted = json.loads(details["told"])
+                self._commands.adapt(event.name, adapted["name"], adapted["what"], adapted["details"])
+            case "rule":
+                state = (details["rule"], details["became"], details.get("message", ""))
+                self._manager.knowledge.write_rule(event.name, *state)
+            case _:
+                pass
+
+
+def replay(  # noqa: PLR0917 - the parts of a journal and of a package
+    header: RunHeader,
+    events: Sequence[Event],
+    model: ContextModel,
+    build: Build,
+    copy: EventLog | None,
+    knowledge: KnowledgeModel | None = None,
+) -> Replayed:
+    """Derive the events of a run again, and compare them with those of its journal.
+
+    Args:
+        header: the run header of the journal.
+        events: the events of the journal.
+        model: the model of the compiled spec.
+        build: creates the context manager of the package.
+        copy: takes the derived events, e.g. a `Journal`; without a difference, its file equals the journal's.
+        knowledge: the knowledge graph of the spec, if it has one.
+    """
+    comparison = Comparison([event for event in events if event.kind is not Kind.INPUT], copy)
+    _, _, because = _played(header, events, model, build, comparison, knowledge)
+    comparison.miss(because)
+    comparison.end()
+    return Replayed(
+        compared=comparison.position,
+        derived=comparison.derived,
+        absent=comparison.absent(),
+        difference=_with_changes(comparison, header),
+    )
+
+
+def knowledge_at(
+    header: RunHeader, events: Sequence[Event], model: ContextModel, knowledge: KnowledgeModel, instant_s: float
+) -> Snapshot:
+    """Return the knowledge graph at an instant of a run, derived again from the run's journal.
+
+    Args:
+        header: the run header of the journal.
+        events: the events of the journal.
+        model: the model of the compiled spec.
+        knowledge: the knowledge graph of the spec.
+        instant_s: the instant.
+
+    Raises:
+        ValueError: if the run had not begun at that instant, or the journal does not follow from its inputs.
+    """
+    if instant_s < header.start_s:
+        raise ValueError(f"the run begins at {header.start_s}, after {instant_s}: ask for a later instant")
+    until = [event for event in events if event.instant_s <= instant_s]
+    comparison = Comparison([event for event in until if event.kind is not Kind.INPUT], None)
+    manager, clock, because = _played(header, until, model, ContextManager, comparison, knowledge)
+    if comparison.difference is not None or because:
+        raise ValueError(f"the journal does not follow from its inputs: {because or comparison.difference}")
+    clock.advance(instant_s)
+    return manager.knowledge.at(instant_s)
+
+
+def _played(  # noqa: PLR0917 - the arguments of `replay`
+    header: RunHeader,
+    events: Sequence[Event],
+    model: ContextModel,
+    build: Build,
+    comparison: Comparison,
+    knowledge: KnowledgeModel | None,
+) -> tuple[ContextManager[Any, Any], ReplayedClock, str]:
+    """Pass the inputs of a journal to a new context manager; return it, its clock, and why the replay stopped early."""
+    jobs = ReplayedJobs(events)
+    clock = ReplayedClock(header.start_s, jobs)
+    handles = {resource.name: None for resource in model.resources if resource.slots is None}
+    about = {"clock": clock, "resources": handles, "seed": header.seed, "record": comparison, "find": jobs.find}
+    manager = build(model, **about, knowledge=knowledge)
+    commands = [event for event in events if event.kind is Kind.INPUT]
+    player = _Player(manager, model, jobs, commands)
+    try:
+        _play(player, clock, comparison, [event for event in commands if "work" not in event.details])
+        _run_on(clock, comparison, events[-1].instant_s if events else header.start_s)
+    except DivergedError as error:
+        return manager, clock, str(error)
+    return manager, clock, ""
+
+
+def _with_changes(comparison: Comparison, header: RunHeader) -> Difference | None:
+    """Return the first difference, with the changes of the spec."""
+    difference = comparison.difference
+    if difference is None or comparison.summary is None:
+        return difference
+    names = [event.name for event in (difference.replayed, difference.recorded) if event is not None]
+    return replace(difference, changes=changes_near(names, header.summary, comparison.summary))
+
+
+def _play(player: _Player, clock: ReplayedClock, comparison: Comparison, commands: Sequence[Event]) -> None:
+    last = next((event for event in reversed(commands) if event.what != "evidence"), None)
+    for event in commands:
+        while clock.steps < event.details["step"] and comparison.difference is None:
+            if clock.next_s() > event.instant_s:
+                raise DivergedError
+            clock.step()
+        if comparison.difference is not None:
+            return
+        clock.advance(event.instant_s)
+        comparison.may_go_on |= event is last  # a journal may be torn amid the events of its last input
+        player.take(event)
+
+
+def _run_on(clock: ReplayedClock, comparison: Comparison, end_s: float) -> None:
+    """Execute the events after the last input, for a journal that ends in the middle of a run."""
+    while not comparison.is_over and clock.next_s() <= end_s:
+        clock.step()
+
+
+def _ignore() -> None:
+    pass

@@ -1,0 +1,1 @@
+"""Values of context: readings, evidence, conditions, and the declarations of generated code."""

@@ -1,0 +1,196 @@
+"""Conditions as text: read back from the Python text that builds them, and written as people say them."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+from codra_dsl.logic import Term, Value, age, choose, first_of, known, literal, maximum, minimum, value
+from codra_dsl.runtime.values.hysteresis import between, confirmed
+
+_WORDS: Mapping[str, Callable[..., Term]] = {
+    "age": age,
+    "between": between,
+    "choose": choose,
+    "confirmed": confirmed,
+    "first_of": first_of,
+    "known": known,
+    "literal": literal,
+    "maximum": maximum,
+    "minimum": minimum,
+    "value": value,
+}
+_OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.Div: operator.truediv,
+    ast.Eq: operator.eq,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Mult: operator.mul,
+    ast.NotEq: operator.ne,
+    ast.Sub: operator.sub,
+}
+
+
+_PARSING = threading.RLock()
+
+
+class TermTextError(ValueError):
+    """A text builds no condition."""
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> ast.expr:
+    # before 3.11.8 and 3.12.2, Python counts the depth of all trees that threads are building in one place
+    with _PARSING:
+        return ast.parse(text, mode="eval").body
+
+
+@lru_cache(maxsize=4096)
+def term_of(text: str) -> Term:
+    """Return the condition that a text builds, as `repr` of a condition gives it. Nothing in the text is run.
+
+    Raises:
+        TermTextError: if it is none.
+    """
+    try:
+        built = _built(_parsed(text))
+    except TermTextError:
+        raise
+    except Exception as error:
+        raise TermTextError(f"{text[:60]!r} is no condition: {type(error).__name__}") from error
+    if not isinstance(built, Term):
+        raise TermTextError(f"{text[:60]!r} is no condition")
+    return built
+
+
+def _built(node: ast.expr) -> Any:
+    match node:
+        case ast.Constant(value=bool() | int() | float() | str() as constant):
+            return constant
+        case ast.Tuple(elts=parts):
+            return tuple(_built(part) for part in parts)
+        case ast.UnaryOp(op=ast.Invert(), operand=operand):
+            return ~_term(operand)
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            return -_built(operand)
+        case ast.BinOp(left=left, op=symbol, right=right) if type(symbol) in _OPERATORS:
+            return _OPERATORS[type(symbol)](_built(left), _built(right))
+        case ast.Compare(left=left, ops=[symbol], comparators=[right]) if type(symbol) in _OPERATORS:
+            return _OPERATORS[type(symbol)](_built(left), _built(right))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return _called(name, [_built(argument) for argument in arguments])
+        case ast.Call(func=ast.Attribute(value=term, attr="is_in"), args=options, keywords=[]):
+            return _term(term).is_in(*(_built(option) for option in options))
+        case _:
+            raise TermTextError(f"{ast.unparse(node)[:60]!r} is no part of a condition")
+
+
+def _term(node: ast.expr) -> Term:
+    built = _built(node)
+    if not isinstance(built, Term):
+        raise TermTextError(f"{ast.unparse(node)[:60]!r} is no condition")
+    return built
+
+
+def _called(name: str, arguments: Sequence[Any]) -> Any:
+    if name == "abs":
+        return abs(arguments[0])
+    if name == "float":
+        return float(arguments[0])
+    if name not in _WORDS:
+        raise TermTextError(f"{name[:60]!r} is no word of conditions")
+    return _WORDS[name](*arguments)
+
+
+def spoken(text: str) -> str:
+    """Return a condition, given as the text that builds it, as a spec would say it in SI units: `lid_angle > 0.6`.
+
+    Raises:
+        TermTextError: if it is none.
+    """
+    term_of(text)
+    return _spoken(_parsed(text))
+
+
+def literals_of(text: str) -> tuple[Value, ...]:
+    """Return the constants in the text of a condition, names of variables among them."""
+    constants = (node.value for node in ast.walk(_parsed(text)) if isinstance(node, ast.Constant))
+    return tuple(constant for constant in constants if isinstance(constant, (bool, int, float, str)))
+
+
+_SYMBOLS: Mapping[type[ast.AST], str] = {
+    ast.Add: "+",
+    ast.BitAnd: "and",
+    ast.BitOr: "or",
+    ast.Div: "/",
+    ast.Eq: "==",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Mult: "*",
+    ast.NotEq: "!=",
+    ast.Sub: "-",
+}
+
+
+def _spoken(node: ast.expr) -> str:
+    match node:
+        case ast.Call(func=ast.Name(id="value"), args=[ast.Constant(value=str() as name)]):
+            return name
+        case ast.Call(func=ast.Name(id="literal"), args=[constant]):
+            return _spoken(constant)
+        case ast.Call(func=ast.Name(id="known" | "age" as word), args=[ast.Constant(value=str() as name)]):
+            return f"{word}({name})"
+        case ast.Call(func=ast.Name(id="choose"), args=[then, condition, otherwise]):
+            return f"{_grouped(then)} if {_grouped(condition)} else {_grouped(otherwise)}"
+        case ast.Call(func=ast.Name(id="first_of"), args=cases):
+            return ", ".join(f"{_spoken(case.elts[0])}: {_spoken(case.elts[1])}" for case in _tuples(cases))
+        case ast.Call(func=ast.Name(id="between"), args=[enter, leave]):
+            return f"enter: {_spoken(enter)}, leave: {_spoken(leave)}"
+        case ast.Call(func=ast.Name(id="confirmed"), args=[term, needed, among]):
+            return f"{_spoken(term)}, confirm: {_spoken(needed)} of {_spoken(among)}"
+        case ast.Call(func=ast.Name(id=word), args=arguments):
+            short = {"minimum": "min", "maximum": "max"}.get(word, word)
+            return f"{short}({', '.join(map(_spoken, arguments))})"
+        case ast.Call(func=ast.Attribute(value=term), args=options):
+            return f"{_grouped(term)} in ({', '.join(map(_spoken, options))})"
+        case ast.UnaryOp(op=ast.Invert(), operand=operand):
+            return f"not {_grouped(operand)}"
+        case ast.UnaryOp(operand=operand):
+            return f"-{_grouped(operand)}"
+        case ast.BinOp(left=left, op=ast.BitAnd() | ast.BitOr() as symbol, right=right):
+            return f" {_SYMBOLS[type(symbol)]} ".join(_joined(part, type(symbol)) for part in (left, right))
+        case ast.BinOp(left=left, op=symbol, right=right):
+            return f"{_grouped(left)} {_SYMBOLS[type(symbol)]} {_grouped(right)}"
+        case ast.Compare(left=left, ops=[symbol], comparators=[right]):
+            return f"{_grouped(left)} {_SYMBOLS[type(symbol)]} {_grouped(right)}"
+        case ast.Constant(value=bool() as truth):
+            return str(truth).lower()
+        case _:
+            return ast.unparse(node)
+
+
+def _tuples(cases: Sequence[ast.expr]) -> list[ast.Tuple]:
+    return [case for case in cases if isinstance(case, ast.Tuple)]
+
+
+def _joined(node: ast.expr, symbol: type[ast.operator]) -> str:
+    is_other = isinstance(node, ast.BinOp) and type(node.op) in {ast.BitAnd, ast.BitOr} - {symbol}
+    return f"({_spoken(node)})" if is_other else _spoken(node)
+
+
+def _grouped(node: ast.expr) -> str:
+    is_compound = isinstance(node, (ast.BinOp, ast.Compare)) or (
+        isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("choose", "between")
+    )
+    return f"({_spoken(node)})" if is_compound else _spoken(node)

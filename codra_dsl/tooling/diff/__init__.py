@@ -1,0 +1,7 @@
+"""Review: two versions of some specs -> what the changes mean for a robot and its programs."""
+
+from codra_dsl.tooling.diff.changes import Category, Change, Latency, Level, Review, Verdict
+from codra_dsl.tooling.diff.specs import review
+from codra_dsl.tooling.diff.version import Broken, Version
+
+__all__ = ["Broken", "Category", "Change", "Latency", "Level", "Review", "Verdict", "Version", "review"]

@@ -1,0 +1,146 @@
+"""The result of a review: changes with a category, the level of each category, and a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.language.diagnostics import Place
+
+
+class Level(StrEnum):
+    """How bad a change is for a robot and its programs, worst first."""
+
+    BREAKING = "breaking"
+    CAUTION = "caution"
+    COMPATIBLE = "compatible"
+
+
+class Verdict(StrEnum):
+    """The level of the worst change, or that there is none."""
+
+    BREAKING = "breaking"
+    CAUTION = "caution"
+    COMPATIBLE = "compatible"
+    SAME = "same"
+
+
+class Category(StrEnum):
+    """The kinds of change, worst first; `docs/reference/diff.md` explains them."""
+
+    # Breaking
+    REMOVED = "removed"
+    RETYPED = "retyped"
+    NARROWED = "narrowed"
+    UNWRITABLE = "unwritable"
+    NEEDS_HANDLE = "needs-handle"
+    API = "api"
+    CONTRACT = "contract"
+    UNOBSERVABLE = "unobservable"
+    CYCLIC = "cyclic"
+    INVALID = "invalid"
+    WEAKER = "weaker"
+    GUARD_CHANGED = "guard-changed"
+    # Caution
+    WIDENED = "widened"
+    STRONGER = "stronger"
+    SLOWER = "slower"
+    UNDECLARED = "undeclared"
+    REDEFINED = "redefined"
+    PERCEIVED_OTHERWISE = "perceived-otherwise"
+    RENAMED = "renamed"
+    REPAIRED = "repaired"
+    # Compatible
+    ADDED = "added"
+    OBSERVABLE = "observable"
+    FASTER = "faster"
+    EASED = "eased"
+    WORDING = "wording"
+    LAYOUT = "layout"
+
+    @property
+    def rank(self) -> int:
+        """Return the position among the categories; the worst has 0."""
+        return list(Category).index(self)
+
+    @property
+    def level(self) -> Level:
+        """Return how bad changes of this category are."""
+        if self.rank < Category.WIDENED.rank:
+            return Level.BREAKING
+        return Level.CAUTION if self.rank < Category.ADDED.rank else Level.COMPATIBLE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One change.
+
+    Attributes:
+        element: what has changed, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
+        key: the key that has changed, as specs spell it; empty for the element itself.
+        message: what the change means, without `was` and `now`.
+        was: the text or value in A, None if there is none; `now` that in B.
+        before: the place in A, None if there is none; `after` that in B.
+        allowed: whether the change was accepted and does not count.
+    """
+
+    category: Category
+    element: str
+    message: str
+    key: str = ""
+    was: str | None = None
+    now: str | None = None
+    before: Place | None = None
+    after: Place | None = None
+    allowed: bool = False
+
+    @property
+    def level(self) -> Level:
+        """Return how bad it is."""
+        return self.category.level
+
+    @property
+    def spec(self) -> str:
+        """Return the name of the spec that has changed."""
+        return self.element.split("/", 1)[0]
+
+    @property
+    def text(self) -> str:
+        """Return the message with the values in A and B."""
+        values = [f"{word} {value}" for word, value in (("was", self.was), ("is", self.now)) if value is not None]
+        return f"{self.message}: {', '.join(values)}" if values else self.message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """The worst time, in seconds, from declaring a variable until it is known: in A and in B."""
+
+    element: str
+    before_s: float
+    after_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Review:
+    """The result of comparing two versions.
+
+    Attributes:
+        changes: worst first, then by category and element.
+        latencies: of the variables for which the time differs.
+    """
+
+    changes: tuple[Change, ...]
+    latencies: tuple[Latency, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """Return the level of the worst change that was not allowed."""
+        levels = {change.level for change in self.changes if not change.allowed}
+        return next((Verdict(level.value) for level in Level if level in levels), Verdict.SAME)
+
+
+def in_order(changes: Iterable[Change]) -> tuple[Change, ...]:
+    """Return changes worst first, then by category and element, without duplicates."""
+    unique = dict.fromkeys(changes)
+    return tuple(sorted(unique, key=lambda change: (change.category.rank, change.element, change.key, change.text)))

@@ -1,0 +1,227 @@
+"""Comparers that several fields share: of sizes, names, types, writers and guards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+from codra_dsl.language.check import Types
+from codra_dsl.language.check.index.graph_schema import KnowledgeElement
+from codra_dsl.language.check.solver.intervals import in_base
+from codra_dsl.language.expression import Node
+from codra_dsl.language.model import Condition, Kind, NodeType, Reference, ValueType, Writer
+from codra_dsl.language.units import ONE, Unit, parse_unit
+from codra_dsl.tooling.diff.changes import Category, Change
+from codra_dsl.tooling.diff.guards import Relation, equal, relation
+from codra_dsl.tooling.diff.version import seconds
+from codra_dsl.tooling.diff.walk import Comparer, Scope, Wording, by_default, is_nested, plain, text_of
+
+GUARDS: Mapping[Relation, Wording] = {
+    Relation.WEAKER: (Category.WEAKER, "holds more often"),
+    Relation.STRONGER: (Category.STRONGER, "holds less often"),
+    Relation.OTHER: (Category.GUARD_CHANGED, "holds in other situations"),
+}
+
+
+def elsewhere(*_: Any) -> Iterator[Change]:
+    """Yield nothing: the field makes no difference of its own, or another comparer takes it into account."""
+    yield from ()
+
+
+def inline(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
+    """Yield the changes of a nested value whose keys are written in the element itself, if it is of one class."""
+    if is_nested(old, new):
+        yield from scope.inner("", old, new).changes()
+
+
+def hidden(_: object) -> str:
+    """Return nothing, for values that are too long to be shown."""
+    return ""
+
+
+def ordered(
+    more: Wording,
+    less: Wording,
+    show: Callable[[Any], str] = text_of,
+    rank: Callable[[Any], Any] = lambda value: value,
+) -> Comparer:
+    """Return the comparer of values that grow or shrink."""
+
+    def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+        if rank(old) != rank(new):
+            category, message = more if rank(new) > rank(old) else less
+            yield scope.change(category, key, message, show(old), show(new))
+
+    return compare
+
+
+def grows(more: Category, less: Category) -> Comparer:
+    """Return the comparer of durations and numbers; None is compared for equality only."""
+
+    def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+        if old is None or new is None:
+            yield from by_default(scope, key, old, new)
+            return
+        is_time = isinstance(new, float)
+        longer, shorter = ("longer", "shorter") if is_time else ("larger", "smaller")
+        wordings = (more, f"'{key}' is {longer}"), (less, f"'{key}' is {shorter}")
+        yield from ordered(*wordings, seconds if is_time else str)(scope, key, old, new)
+
+    return compare
+
+
+def names(lost: Wording, gained: Wording) -> Comparer:
+    """Return the comparer of lists that have no order, of names or of conditions that are compared one by one.
+
+    If `{}` is in the messages, the list is one of variables: those that only one version has are not reported, since
+    the variables themselves are, and the others replace `{}`.
+    """
+
+    def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+        before, after = ({plain(entry): text_of(entry) for entry in side} for side in (old, new))
+        for (category, message), side, other in ((lost, before, after), (gained, after, before)):
+            changed = {text for entry, text in side.items() if entry not in other}
+            if "{}" not in message and changed:
+                yield scope.change(category, key, message, text_of(old), text_of(new))
+            elif changed - scope.pair.one_sided:
+                yield scope.change(category, key, message.format(quoted(changed - scope.pair.one_sided)))
+
+    return compare
+
+
+def quoted(several: Iterable[str]) -> str:
+    """Return names as messages list them."""
+    return ", ".join(f"'{name}'" for name in sorted(several))
+
+
+# Types
+
+
+def value_type(
+    retyped: Category = Category.RETYPED, narrowed: Category = Category.NARROWED, widened: Category = Category.WIDENED
+) -> Comparer:
+    """Return the comparer of types, whose units and ranges are compared by meaning."""
+
+    def compare(scope: Scope, key: str, old: ValueType, new: ValueType) -> Iterator[Change]:
+        units = _unit(old), _unit(new)
+        part, noun = ("values", "members") if old.kind is Kind.ENUM else ("range", "values")
+        lost, gained = _lost_and_gained(old, new)
+        comparable = old.kind is new.kind and units[0].dimension == units[1].dimension
+        for category, changed, message, applies in (
+            (retyped, "type", "has another type", old.kind is not new.kind),
+            (retyped, "unit", "has another unit", old.kind is new.kind and units[0] != units[1]),
+            (narrowed, part, f"has lost {noun}", comparable and lost),
+            (widened, part, f"has new {noun}", comparable and gained),
+        ):
+            if applies:  # all of the type of an entry, e.g. of an attribute, is reported under the key of the entry
+                yield scope.change(category, "" if scope.path else changed, message, text_of(old), text_of(new))
+        yield from scope.inner(key, old, new).changes()
+
+    return compare
+
+
+def _unit(declared: ValueType) -> Unit:
+    return (None if declared.unit is None else parse_unit(declared.unit)) or ONE
+
+
+def _lost_and_gained(old: ValueType, new: ValueType) -> tuple[bool, bool]:
+    """Return whether a type has lost values, and whether it has gained some; units of one dimension are converted."""
+    if old.kind is Kind.ENUM:
+        return not {*old.values} <= {*new.values}, not {*new.values} <= {*old.values}
+    (low, high), (new_low, new_high) = _extent(old), _extent(new)
+    return new_low > low or new_high < high, new_low < low or new_high > high
+
+
+def _extent(declared: ValueType) -> tuple[Fraction | float, Fraction | float]:
+    if declared.range is None:
+        return float("-inf"), float("inf")
+    low, high = (in_base(end, _unit(declared)) for end in declared.range)
+    return low, high
+
+
+# Writers
+
+
+def writers(scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer]) -> Iterator[Change]:
+    """Yield the changes of who may write a type, an edge or an attribute, by its `source` and by `owns` of agents."""
+    element, value = scope.elements[1], scope.values[1]
+    if old or new or not scope.path:  # else the attribute has the writers of its type or edge
+        section = "types" if isinstance(element, NodeType) else "edges"
+        thing = KnowledgeElement(section, element.name, value.name if scope.path else "")
+        yield from _writers(scope, key, *(side.world.writers(thing) for side in scope.pair.sides))
+
+
+def writers_of_variable(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+    """Yield the changes of who may write a variable, by its `source` and by `owns` of agents."""
+    sources = ([source for source in side if source.name != "observer"] for side in (old, new))
+    yield from _writers(scope, key, *map(_as_writers, sources), no_writer="observers only")
+    name = scope.values[1].name
+    if all(name in side.world.variables for side in scope.pair.sides):
+        owners = (
+            [
+                writer
+                for writer in side.world.writers(KnowledgeElement("context", name))
+                if writer.name not in map(text_of, stated)
+            ]
+            for side, stated in zip(scope.pair.sides, (old, new), strict=True)
+        )
+        yield from _writers(scope, "owns", *owners)
+
+
+def requesters(scope: Scope, key: str, old: Sequence[Reference], new: Sequence[Reference]) -> Iterator[Change]:
+    """Yield the changes of who may request a task."""
+    yield from _writers(scope, key, _as_writers(old), _as_writers(new))
+
+
+def _as_writers(references: Iterable[Reference]) -> list[Writer]:
+    return [Writer(name=reference.name, place=reference.place) for reference in references]
+
+
+def _writers(
+    scope: Scope, key: str, old: Sequence[Writer], new: Sequence[Writer], *, no_writer: str = "nobody"
+) -> Iterator[Change]:
+    before, after = ([writer.name for writer in side] for side in (old, new))
+    lost, gained = sorted({*before} - {*after}), sorted({*after} - {*before})
+    common = {*before} & {*after}
+    for category, message, applies in (
+        (Category.UNWRITABLE, f"{', '.join(lost)} may not write it any more", lost),
+        (Category.WIDENED, f"{', '.join(gained)} may write it as well", gained),
+        (Category.REDEFINED, "its writers have another order", _by_priority(old, common) != _by_priority(new, common)),
+    ):
+        if applies:
+            yield scope.change(category, key, message, *(", ".join(side) or no_writer for side in (before, after)))
+
+
+def _by_priority(several: Sequence[Writer], common: set[str]) -> list[list[str]]:
+    """Return the common writers in groups of one priority, the highest first."""
+    priorities = {writer.name: writer.priority or 0 for writer in several if writer.name in common}
+    return [
+        sorted(name for name, other in priorities.items() if other == priority)
+        for priority in sorted({*priorities.values()}, reverse=True)
+    ]
+
+
+# Guards
+
+
+def guard(types_of: Callable[[Scope, Sequence[Condition]], Types]) -> Comparer:
+    """Return the comparer of conditions that must all be true; `types_of` gives the types of the names in them."""
+
+    def compare(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
+        types = types_of(scope, (*old, *new))
+        before, after = ([condition.tree for condition in side if condition.tree] for side in (old, new))
+        decided = relation(before, after, types)
+        if decided is not Relation.SAME:
+            category, message = GUARDS[decided]
+            lost, gained = _not_in(after, old, types), _not_in(before, new, types)
+            texts = (" and ".join(f"'{one.text}'" for one in side) or "no such condition" for side in (lost, gained))
+            first = next(iter(lost), None), next(iter(gained), None)
+            yield scope.change(category, key, f"'{key}' {message}", *texts, at=first)
+
+    return compare
+
+
+def _not_in(trees: Sequence[Node], conditions: Sequence[Condition], types: Types) -> list[Condition]:
+    """Return the conditions that are equal to none of some others."""
+    return [one for one in conditions if one.tree and not any(equal(one.tree, tree, types) for tree in trees)]

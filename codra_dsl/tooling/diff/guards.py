@@ -1,0 +1,138 @@
+"""How two guards relate, and whether two conditions or values mean the same: as far as `check` can tell.
+
+A guard is a list of conditions that must all be certainly true. What is said to follow does; what cannot be decided is
+another guard.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from enum import StrEnum
+
+from codra_dsl.language.check import Type, Types, declared_type, implies
+from codra_dsl.language.check.solver.case_split import names_of
+from codra_dsl.language.check.solver.intervals import in_base
+from codra_dsl.language.expression import And, Choice, Compare, Comparison, Node, Not, Or, Path, to_text
+from codra_dsl.language.model import Kind, ValueType
+
+
+class Relation(StrEnum):
+    """What became of a guard."""
+
+    SAME = "same"
+    WEAKER = "weaker"
+    STRONGER = "stronger"
+    OTHER = "other"
+
+
+def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
+    """Return what became of a guard, each given as conditions that must all be true.
+
+    Args:
+        old: the conditions before.
+        new: the conditions after.
+        types: what each name can be in either version, as `either` gives it.
+    """
+    before, after = ({normal_text(tree): tree for tree in side} for side in (old, new))
+    lost, gained = before.keys() - after.keys(), after.keys() - before.keys()
+    if not lost and not gained:
+        return Relation.SAME
+    opaque = {text for text, tree in (before | after).items() if not _is_typed(tree, types)}
+    if opaque & (lost | gained):
+        holds_after, held_before = not gained, not lost
+    else:
+        known_before, known_after = ([side[text] for text in side if text not in opaque] for side in (before, after))
+        holds_after = implies(known_before, [after[text] for text in after if text in gained], types)
+        held_before = implies(known_after, [before[text] for text in before if text in lost], types)
+    if holds_after:
+        return Relation.SAME if held_before else Relation.WEAKER
+    return Relation.STRONGER if held_before else Relation.OTHER
+
+
+def _is_typed(tree: Node, types: Types) -> bool:
+    return not isinstance(tree, Path) and all(types.get(name) is not None for name in names_of([tree]))
+
+
+def normal_text(node: Node) -> str:
+    """Return a text that does not depend on the order of what `and` and `or` join."""
+    match node:
+        case And() | Or():
+            return f"({f' {type(node).__name__} '.join(sorted(map(normal_text, node.operands)))})"
+        case Not():
+            return f"not {normal_text(node.operand)}"
+        case Path():
+            return str(node)
+    return to_text(node)
+
+
+def equal(one: Node, other: Node, types: Types) -> bool:
+    """Return whether two conditions have the same value, true, false or unknown, in every case."""
+    contrary = Not(operand=one, start=0, end=0), Not(operand=other, start=0, end=0)
+    return all(relation([before], [after], types) is Relation.SAME for before, after in ((one, other), contrary))
+
+
+def same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
+    """Return whether the first condition that holds always names the same member, those before it being false."""
+    chosen, theirs = _choices(one), _choices(other)
+    members = dict.fromkeys((*chosen, *theirs))
+    return all(relation([_any(chosen, each)], [_any(theirs, each)], types) is Relation.SAME for each in members)
+
+
+def _choices(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
+    """Return for each member the conditions under which it is the first."""
+    found: dict[str, list[Node]] = {}
+    before: tuple[Node, ...] = ()
+    for member, condition in cases:
+        found.setdefault(member, []).append(And(operands=(*before, condition), start=0, end=0))
+        before = (*before, Not(operand=condition, start=0, end=0))
+    return found
+
+
+def _any(choices: Mapping[str, list[Node]], member: str) -> Node:
+    return Or(operands=tuple(choices.get(member, ())), start=0, end=0)
+
+
+def same_value(one: Node, other: Node, types: Types) -> bool:
+    """Return whether two numbers, texts or members are known in the same cases, and are then the same."""
+    if to_text(one) == to_text(other):
+        return True
+    if isinstance(one, Choice) and isinstance(other, Choice) and equal(one.condition, other.condition, types):
+        return same_value(one.then, other.then, types) and same_value(one.otherwise, other.otherwise, types)
+    if any(types.get(name) is None for name in names_of([one, other])):
+        return False
+    both = _equals(one, other)
+    return all(implies([_equals(each, each)], [both], types) for each in (one, other))
+
+
+def _equals(one: Node, other: Node) -> Node:
+    return Compare(first=one, rest=((Comparison.EQUAL, other),), start=0, end=0)
+
+
+def either(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
+    """Return what each name can be in either version: nothing that can be told, where these have nothing in common."""
+    return {name: _joined(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
+
+
+def _joined(old: ValueType | None, new: ValueType | None) -> Type | None:
+    types = [found for each in (old, new) if each is not None and (found := declared_type(each)) is not None]
+    if len(types) < 2:
+        return types[0] if types else None
+    one, other = types
+    if one.numeric and other.numeric:
+        whole = one.kind is other.kind is Kind.INT and one.unit == other.unit
+        return replace(one, kind=Kind.INT if whole else Kind.FLOAT, range=_joined_ranges(one, other))
+    if {one.kind, other.kind} == {Kind.STR, Kind.ENUM}:
+        return Type(Kind.STR)
+    values = dict.fromkeys((*one.values, *other.values))
+    return replace(one, values=tuple(values)) if one.kind is other.kind else None
+
+
+def _joined_ranges(one: Type, other: Type) -> tuple[float, float] | None:
+    """Return the smallest range, in the unit of the first, that holds both."""
+    if one.range is None or other.range is None or one.unit.dimension != other.unit.dimension:
+        return None
+    factor = in_base(1, one.unit)
+    same = one.unit == other.unit
+    low, high = (end if same else float(in_base(end, other.unit) / factor) for end in other.range)
+    return min(one.range[0], low), max(one.range[1], high)

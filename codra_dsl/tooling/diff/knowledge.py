@@ -1,0 +1,149 @@
+"""Changes of skills, knowledge, agents and loops that are not those of one field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import zip_longest
+from typing import Any
+
+from codra_dsl.language.check import Type, Types
+from codra_dsl.language.expression import names_in
+from codra_dsl.language.model import Agent, Condition, Expectation, Expected, Motion
+from codra_dsl.tooling.diff.changes import Category, Change
+from codra_dsl.tooling.diff.comparers import GUARDS, grows, hidden, names
+from codra_dsl.tooling.diff.guards import Relation, either, relation
+from codra_dsl.tooling.diff.version import Pair, Side, seconds
+from codra_dsl.tooling.diff.walk import Scope, differs, elements, unordered
+
+_MONITORED = names((Category.UNDECLARED, "no longer monitors {}"), (Category.ADDED, "monitors {} as well"))
+_VALID_FOR = grows(Category.WEAKER, Category.STRONGER)
+_MOTION = differs(message="poses are kept or extrapolated in another way", show=hidden)
+_POSE = differs(message="the starting pose has changed", show=hidden)
+_WAKES = names(
+    (Category.GUARD_CHANGED, "some conditions wake it no longer"), (Category.WIDENED, "more conditions wake it")
+)
+TERMS = unordered("the terms have changed")
+
+
+# Skills
+
+
+def monitored(scope: Scope, key: str, old: Sequence[Expectation], new: Sequence[Expectation]) -> Iterator[Change]:
+    """Yield the changes of monitored variables and expectations; those of one variable and kind pair in their order."""
+    yield from _MONITORED(scope, key, *([expectation.variable for expectation in side] for side in (old, new)))
+    before, after = _by_subject(old), _by_subject(new)
+    for subject in dict.fromkeys((*before, *after)):
+        if subject[0] not in scope.pair.one_sided:
+            for one, other in zip_longest(before.get(subject, ()), after.get(subject, ())):
+                yield from _expectation(scope, key, one, other)
+
+
+def _by_subject(monitor: Iterable[Expectation]) -> dict[tuple[str, Expected], list[Expectation]]:
+    subjects: dict[tuple[str, Expected], list[Expectation]] = {}
+    for expectation in monitor:
+        if expectation.expected is not Expected.WATCHED:
+            subjects.setdefault((expectation.variable.name, expectation.expected), []).append(expectation)
+    return subjects
+
+
+def _expectation(scope: Scope, key: str, old: Expectation | None, new: Expectation | None) -> Iterator[Change]:
+    if old is None or new is None:
+        category, verb = (Category.WEAKER, "is no longer expected") if old else (Category.STRONGER, "is expected now")
+        yield scope.change(category, key, f"{_text(old or new)} {verb}", at=(old, new))
+        return
+    decided = _relation(scope.pair, old, new)
+    if decided is not Relation.SAME:
+        category, message = GUARDS[decided]
+        yield scope.change(category, key, f"an expectation {message}", _text(old), _text(new), at=(old, new))
+    yield from scope.inner(key, old, new).changes()
+
+
+def _relation(pair: Pair, old: Expectation, new: Expectation) -> Relation:
+    """Return how an expectation has changed, by its time and its condition."""
+    name = new.variable.name
+    types = either(*({name: side.variables[name].type} for side in pair.sides))
+    trees = [one.condition.tree for one in (old, new) if one.condition and one.condition.tree]
+    by_condition = relation(trees[:1], trees[1:], types) if len(trees) == 2 else Relation.SAME
+    before_s, after_s = (float("inf") if one.within_s is None else one.within_s for one in (old, new))
+    if before_s == after_s:
+        return by_condition
+    by_time = Relation.WEAKER if after_s > before_s else Relation.STRONGER
+    return by_time if by_condition in (Relation.SAME, by_time) else Relation.OTHER
+
+
+def _text(expectation: Expectation | None) -> str:
+    assert expectation is not None
+    within = "" if expectation.within_s is None else f" within {seconds(expectation.within_s)}"
+    condition = "" if expectation.condition is None else f": {expectation.condition.text}"
+    return f"'{expectation.variable.name} {expectation.expected}{within}{condition}'"
+
+
+# Knowledge
+
+
+def agents(scope: Scope, key: str, old: Sequence[Agent], new: Sequence[Agent]) -> Iterator[Change]:
+    """Yield the changes of agents; without knowledge they are no more than sources of variables."""
+    if has_knowledge(scope):
+        yield from elements("agent", "agent")(scope, key, old, new)
+
+
+def has_knowledge(scope: Scope) -> bool:
+    """Return whether one of the versions has knowledge; then agents name variables with their nodes."""
+    return any(side.spec.knows for side in scope.pair.sides)
+
+
+def motion(scope: Scope, key: str, old: Motion | None, new: Motion | None) -> Iterator[Change]:
+    """Yield how poses are kept, and how long they are valid: conditions that ask for poses are known as long."""
+    if old is not None and new is not None:
+        yield from _VALID_FOR(scope, "valid_for", old.valid_s, new.valid_s)
+        yield from _MOTION(scope, key, replace(old, valid_for_s=new.valid_for_s), new)
+        yield from _POSE(scope, "pose", *(edge.pose for edge in scope.values))
+
+
+def wakes(scope: Scope, key: str, old: Sequence[Condition], new: Sequence[Condition]) -> Iterator[Change]:
+    """Yield whether something else wakes an agent; without `wakes` it is always active."""
+    if old and new:
+        yield from _WAKES(scope, key, old, new)
+    elif new:
+        yield scope.change(Category.GUARD_CHANGED, key, "is only active once it is woken")
+    elif old:
+        yield scope.change(Category.WIDENED, key, "is always active")
+
+
+def rule_types(scope: Scope, conditions: Sequence[Condition]) -> Types:
+    """Return the types of the names in patterns; None for a name that has another type in B."""
+    types: dict[str, Type | None] = {}
+    for name in {name.name for condition in conditions if condition.tree for name in names_in(condition.tree)}:
+        before, after = (side.world.read_type(name) for side in scope.pair.sides)
+        types[name] = before if before == after else None
+    return types
+
+
+# Loops
+
+
+def terms(scope: Scope, key: str, *values: Any) -> Iterator[Change]:
+    """Yield whether the terms of a variable are others; a derived variable has those of its metric or action."""
+    if not scope.values[1].is_derived:
+        yield from TERMS(scope, key, *values)
+
+
+def action(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
+    """Yield the changes of what an adaptation chooses or sets."""
+    if type(old) is type(new):
+        yield from scope.inner("", old, new).changes()
+    else:
+        yield scope.change(Category.REDEFINED, "set", "chooses an action instead of setting a variable, or the reverse")
+
+
+def tree_file(scope: Scope, key: str, *_: str) -> Iterator[Change]:
+    """Yield whether the file of a behaviour tree has other contents."""
+    before, after = (_trees(side, scope.values[1].name) for side in scope.pair.sides)
+    if before != after:
+        yield scope.change(Category.REDEFINED, key, "the file has other contents")
+
+
+def _trees(side: Side, name: str) -> object:
+    trees = () if side.plan.checked.mape is None else side.plan.checked.mape.trees
+    return next((tuple(file.trees for file in tree.forest.forest.files) for tree in trees if tree.name == name), None)

@@ -1,0 +1,108 @@
+"""Changes of context-variables that are not those of one field: their algorithms, and names in the package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from codra_dsl.generation.build_plan.names import camel_case, entry_names
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.model import Kind, Variable
+from codra_dsl.tooling.diff.changes import Category, Change
+from codra_dsl.tooling.diff.version import Pair, Side
+from codra_dsl.tooling.diff.walk import Scope, Wording, elements
+
+
+def variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Variable]) -> Iterator[Change]:
+    """Yield the changes of all variables."""
+    yield from elements("context", "context-variable", _successor)(scope, key, old, new)
+    yield from _producers(scope)
+    yield from _aliases(scope)
+
+
+def node(scope: Scope, _: str, old: str, new: str) -> Iterator[Change]:
+    """Yield whether a variable is at another node; with knowledge, agents name the variable with its node."""
+    if old != new:
+        is_named = any(side.spec.knows for side in scope.pair.sides)
+        yield scope.change(Category.API if is_named else Category.LAYOUT, "of", "belongs to another node", old, new)
+
+
+def _successor(pair: Pair, old: Variable) -> str | None:
+    """Return the new variable of the same type that the same algorithm identifies, or that has a similar name."""
+    same_type = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
+    algorithms = {pair.algorithms.get(name) for name in pair.old.producers.get(old.name, ())} - {None}
+    identified = [name for name in same_type if algorithms & {*pair.new.producers.get(name, ())}]
+    if identified:
+        return identified[0] if len(identified) == 1 else suggest(old.name, identified)
+    return suggest(old.name, [name for name in same_type if not algorithms and name not in pair.new.producers])
+
+
+def _producers(scope: Scope) -> Iterator[Change]:
+    """Yield which other algorithms identify variables; a new order is reported once for all variables that share it."""
+    pair, orders = scope.pair, set[tuple[str, ...]]()
+    for name in pair.old.variables:
+        before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
+        after = pair.new.producers.get(name, ())
+        if name in pair.one_sided or before == [*after] or after in orders:
+            continue
+        if {*before} == {*after}:
+            orders.add(after)
+        category, message = _of_producers(before, [*after])
+        was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))
+        first = (_first_producer(side, name) for side in pair.sides)
+        yield scope.element("context", name, *first).change(category, "", message, was, now)
+
+
+def _of_producers(before: list[str], after: list[str]) -> Wording:
+    kept = [name for name in after if name in before]
+    if not before:
+        return Category.OBSERVABLE, "an observer identifies it now"
+    if not after:
+        return Category.UNOBSERVABLE, "no observer identifies it any more"
+    if not kept:
+        return Category.PERCEIVED_OTHERWISE, "other algorithms identify it"
+    if {*before} - {*after}:
+        return Category.STRONGER, "it has fewer alternatives"
+    if kept != before:
+        return Category.PERCEIVED_OTHERWISE, "its alternatives are tried in another order"
+    if after[: len(before)] != before:
+        return Category.PERCEIVED_OTHERWISE, "a new alternative is tried before one that it had"
+    return Category.ADDED, "it has one more alternative"
+
+
+def _first_producer(side: Side, name: str) -> Any:
+    producers = side.producers.get(name)
+    return side.algorithms[producers[0]].algorithm if producers else side.variables[name]
+
+
+# Names in the generated package
+
+
+def enum_types(side: Side) -> dict[str, tuple[str, ...]]:
+    """Return the variables by the name that the generated package gives to the type of their values."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for variable in side.variables.values():
+        if variable.type.kind is Kind.ENUM:
+            groups.setdefault(variable.type.values, []).append(variable.name)
+    taken = {side.plan.class_name, *entry_names(side.spec)}
+    types: dict[str, tuple[str, ...]] = {}
+    for names in groups.values():
+        alias = camel_case(names[0])
+        while {alias, f"{alias}Name"} & taken:
+            alias += "_"
+        taken |= {alias, f"{alias}Name"}
+        types[alias] = tuple(names)
+    return types
+
+
+def _aliases(scope: Scope) -> Iterator[Change]:
+    """Yield the names of enum types that the generated package has no longer."""
+    old, new = scope.pair.sides
+    present = enum_types(new)
+    for alias, names in enum_types(old).items():
+        enums = [name for name in names if name in new.variables and new.variables[name].type.kind is Kind.ENUM]
+        if alias not in present and enums:
+            now = next(other for other, named in present.items() if enums[0] in named)
+            inner = scope.element("context", enums[0], old.variables[names[0]], new.variables[enums[0]])
+            message = "the generated package has another name for its values"
+            yield inner.change(Category.API, "values", message, alias, now)

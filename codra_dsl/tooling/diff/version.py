@@ -1,0 +1,153 @@
+"""Two versions of some specs, with what comparers look up in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from codra_dsl.generation.build_plan import BuildPlan, Tree
+from codra_dsl.language.check.checked.spec import CheckedAlgorithm
+from codra_dsl.language.check.index.graph_schema import DeclaredGraph
+from codra_dsl.language.check.latency import worst_cases
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.model import Access, Spec, Variable
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Broken:
+    """A spec with errors, even if there is a plan for it.
+
+    Attributes:
+        name: None if it could not be read.
+        errors: the findings because of which it is not compiled.
+    """
+
+    name: str | None
+    file: str
+    errors: tuple[Diagnostic, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Version:
+    """All specs of one version.
+
+    Attributes:
+        plans: of the specs that can be compared, even if they have errors.
+        broken: the specs with errors.
+    """
+
+    plans: tuple[BuildPlan, ...] = ()
+    broken: tuple[Broken, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Side:
+    """One version of one spec."""
+
+    plan: BuildPlan
+
+    @property
+    def spec(self) -> Spec:
+        """Return the spec."""
+        return self.plan.checked.spec
+
+    @property
+    def variables(self) -> Mapping[str, Variable]:
+        """Return all declared variables by name."""
+        return self.plan.checked.variables
+
+    @cached_property
+    def world(self) -> DeclaredGraph:
+        """Return the declared knowledge."""
+        return DeclaredGraph(self.spec)
+
+    @cached_property
+    def algorithms(self) -> Mapping[str, CheckedAlgorithm]:
+        """Return the algorithms that observers run, by name."""
+        return {branch.name: branch.algorithm for tree in self.plan.forest for branch in tree.branches}
+
+    @cached_property
+    def observer_of(self) -> Mapping[str, Tree]:
+        """Return the observer of each variable that has one."""
+        return {variable: tree for tree in self.plan.forest for variable in tree.identifies}
+
+    @cached_property
+    def producers(self) -> Mapping[str, tuple[str, ...]]:
+        """Return for each variable the algorithms that identify it and that observers run, by rank."""
+        run = {
+            variable: tuple(name for name in names if name in self.algorithms)
+            for variable, names in self.plan.checked.producers.items()
+        }
+        return {variable: names for variable, names in run.items() if names}
+
+    @cached_property
+    def worst_s(self) -> Mapping[str, float]:
+        """Return for each variable that observers identify the worst time from declared to known."""
+        times_s = worst_cases(self.plan.checked)
+        return {name: times_s[name] for name in self.producers if name in times_s}
+
+    def users(self, resource: str, access: Access) -> tuple[str, ...]:
+        """Return the algorithms that read a resource or take its slots."""
+        return tuple(
+            name
+            for name, checked in self.algorithms.items()
+            if any(use.resource.name == resource and use.access is access for use in checked.algorithm.uses)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """Both versions of a spec.
+
+    Attributes:
+        algorithms: names in B by names in A, of the algorithms that are in both.
+    """
+
+    old: Side
+    new: Side
+    algorithms: Mapping[str, str]
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        """Return A and B."""
+        return self.old, self.new
+
+    @property
+    def gained(self) -> frozenset[str]:
+        """Return the variables that A does not have."""
+        return frozenset(self.new.variables.keys() - self.old.variables.keys())
+
+    @property
+    def one_sided(self) -> frozenset[str]:
+        """Return the variables that only one version has; they are reported as removed or added and not further."""
+        return frozenset(self.new.variables.keys() ^ self.old.variables.keys())
+
+    def id(self, kind: str, name: str) -> str:
+        """Return the identifier of an element in changes."""
+        return f"{self.new.spec.name}/{kind}/{name}"
+
+
+def paired(old: BuildPlan, new: BuildPlan) -> Pair:
+    """Return both versions of a spec; algorithms pair by name, else by what they call and identify."""
+    sides = Side(plan=old), Side(plan=new)
+    before, after = (side.algorithms for side in sides)
+    pairs = {name: name for name in before if name in after}
+    unpaired = {name: _identity(checked) for name, checked in after.items() if name not in before}
+    for name, checked in before.items():
+        same = [other for other, identity in unpaired.items() if identity == _identity(checked)]
+        if name not in pairs and len(same) == 1:
+            pairs[name] = same[0]
+            del unpaired[same[0]]
+    return Pair(old=sides[0], new=sides[1], algorithms=pairs)
+
+
+def _identity(checked: CheckedAlgorithm) -> tuple[str, frozenset[str]]:
+    return checked.algorithm.call, frozenset(variable for variable, _ in checked.identifies)
+
+
+def seconds(duration_s: float | None) -> str:
+    """Return a duration as specs write it; empty for none."""
+    if duration_s is None:
+        return ""
+    return "forever" if duration_s == float("inf") else f"{duration_s:.10g} s"

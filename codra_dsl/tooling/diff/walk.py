@@ -1,0 +1,299 @@
+"""The comparison of two values of the model, field by field.
+
+Every field is compared. A table gives comparers for the fields whose changes have a category or wording of their own.
+A field that is not in the table is compared by default: nested values field by field, entries by name, and everything
+else for equality. So a new field of the model is reported without an edit here.
+"""
+
+from __future__ import annotations
+
+from collections import ChainMap
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+from codra_dsl.language.diagnostics import Place, suggest
+from codra_dsl.language.expression import Node
+from codra_dsl.language.model import Condition, FuzzyTerm, Phrase, Reference, Spec, ValueType
+from codra_dsl.tooling.diff.changes import Category, Change
+from codra_dsl.tooling.diff.guards import normal_text
+from codra_dsl.tooling.diff.version import Pair, seconds
+
+_LEAVES = (Reference, Condition, Place, Node)
+"""Dataclasses that are compared as one value."""
+
+_KEYS = {
+    "method": "inference",
+    "node": "of",
+    "origin": "from",
+    "origins": "from",
+    "parameters": "with",
+    "rate": "rate_of",
+} | {"sources": "source", "targets": "to", "values": "with", "variable": "set", "within": "in"}
+"""The keys of fields that are not named after their key; only messages and places need them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """Two values of one class in A and B, and the element that they belong to.
+
+    Attributes:
+        table: the comparers by class and field.
+        id: the element in changes, e.g. `lab/context/centrifuge_open`; the name of the spec for the spec itself.
+        elements: the element in A and in B, None in the version that does not have it. They give the places of keys.
+        values: the elements themselves, or values in them.
+        path: the key of the values within the element; empty for the element itself.
+    """
+
+    pair: Pair
+    table: Table
+    id: str
+    elements: tuple[Any, Any]
+    values: tuple[Any, Any]
+    path: str = ""
+
+    def changes(self, skip: frozenset[str] = frozenset()) -> Iterator[Change]:
+        """Yield the changes of all fields but some."""
+        old, new = self.values
+        classes = (cls for cls in reversed(type(new).__mro__) if cls in self.table)
+        comparers = {name: compare for cls in classes for name, compare in self.table[cls].items()}
+        for field in fields(new):
+            if field.compare and field.name not in skip:
+                default = _time_by_default if field.name.endswith("_s") else by_default
+                compare = comparers.get(field.name, default)
+                yield from compare(self, _key(field.name), getattr(old, field.name), getattr(new, field.name))
+
+    def element(self, kind: str, name: str, old: Any, new: Any) -> Scope:
+        """Return the scope of an element of the spec."""
+        return replace(self, id=self.pair.id(kind, name), elements=(old, new), values=(old, new))
+
+    def inner(self, key: str, old: Any, new: Any) -> Scope:
+        """Return the scope of two values in these."""
+        return replace(self, values=(old, new), path=self.key(key))
+
+    def key(self, key: str) -> str:
+        """Return a key of these values within the element."""
+        return ".".join(filter(None, (self.path, key)))
+
+    def change(
+        self,
+        category: Category,
+        key: str,
+        message: str,
+        was: str | None = None,
+        now: str | None = None,
+        *,
+        at: tuple[Any, Any] = (None, None),
+    ) -> Change:
+        """Return a change of a key; its places are those of `at`, else those of the key."""
+        key = self.key(key)
+        before, after = (self._place(index, key) if part is None else part.place for index, part in enumerate(at))
+        return Change(
+            category=category,
+            element=self.id,
+            key=key,
+            message=f"{self.path}: {message}" if self.path else message,
+            was=was or None,
+            now=now or None,
+            before=before,
+            after=after,
+        )
+
+    def _place(self, index: int, key: str) -> Place | None:
+        """Return the place of a key, else of the value that has the key, else of the element."""
+        element, value = self.elements[index], self.values[index]
+        if element is None:
+            return None
+        holders = (element, *(getattr(element, field.name) for field in fields(element)))
+        places = ChainMap(*(holder.places for holder in holders if hasattr(holder, "places")))
+        own = getattr(value, "place", None) if self.path else None
+        place: Place = places.get(key) or own or places.get(key.partition(".")[0]) or element.place
+        return place
+
+
+Comparer = Callable[[Scope, str, Any, Any], Iterator[Change]]
+"""Yields the changes of a field, given the values that have it, its key, and what it is in A and in B."""
+
+Table = Mapping[type, Mapping[str, Comparer]]
+Wording = tuple[Category, str]
+"""The category and the message of a change."""
+
+
+def differs(
+    category: Category | Callable[[Scope], Category] = Category.REDEFINED,
+    message: str = "'{}' has changed",
+    show: Callable[[Any], str] | None = None,
+    value: Callable[[Any], object] | None = None,
+) -> Comparer:
+    """Return the comparer of values that are equal or not.
+
+    Args:
+        category: the category of the change, or a function that gives it.
+        message: its message, with `{}` for the key.
+        show: gives the text that is shown of a value; by default, of two lists only entries that differ are shown.
+        value: gives what is compared of a value.
+    """
+
+    def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+        before, after = map(value or plain, (old, new))
+        if before != after:
+            decided = category if isinstance(category, Category) else category(scope)
+            shown = (old, new) if show else (_not_in(new, old), _not_in(old, new))
+            yield scope.change(decided, key, message.format(key), *map(show or text_of, shown))
+
+    return compare
+
+
+def unordered(message: str) -> Comparer:
+    """Return the comparer of entries that have no order and are compared together."""
+    return differs(message=message, value=lambda several: frozenset(map(plain, several)))
+
+
+def _not_in(one: Any, other: Any) -> Any:
+    """Return the entries of another list that one list does not have; all of it if only the order differs."""
+    if not isinstance(one, tuple) or not isinstance(other, tuple):
+        return other
+    known = {*map(plain, one)}
+    return tuple(entry for entry in other if plain(entry) not in known) or (other if len(one) == len(other) else ())
+
+
+def by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+    """Yield the changes of a field that is not in the table."""
+    if is_nested(old, new):
+        yield from scope.inner(key, old, new).changes()
+    elif _has_names(old) and _has_names(new):
+        yield from (elements(key) if isinstance(scope.values[1], Spec) else entries("entry"))(scope, key, old, new)
+    else:
+        yield from differs()(scope, key, old, new)
+
+
+_time_by_default = differs(show=seconds)
+
+
+def elements(
+    kind: str, noun: str | None = None, successor: Callable[[Pair, Any], str | None] | None = None
+) -> Comparer:
+    """Return the comparer of the elements in a section of the spec, which are paired by name.
+
+    Args:
+        kind: the kind in the identifiers of the elements.
+        noun: the kind in messages, by default the same; if it is empty, removed and added elements are not reported.
+        successor: gives the element that a removed one looks like under a new name; by default one of a similar name.
+    """
+    noun = kind if noun is None else noun
+
+    def compare(scope: Scope, _: str, old: Any, new: Any) -> Iterator[Change]:
+        for name, before, after in by_name(old, new):
+            inner = scope.element(kind, name, before, after)
+            if before and after:
+                yield from inner.changes()
+            elif not noun or getattr(before or after, "is_derived", False):
+                continue
+            elif after:
+                yield inner.change(Category.ADDED, "", f"new {noun}")
+            else:
+                gained = sorted({element.name for element in new} - {element.name for element in old})
+                similar = successor(scope.pair, before) if successor else suggest(name, gained)
+                yield inner.change(Category.REMOVED, "", gone(noun, similar))
+
+    return compare
+
+
+def gone(noun: str, similar: str | None) -> str:
+    """Return the message for a removed element, with the new one that looks like it."""
+    return f"the {noun} is gone" + ("" if similar is None else f"; '{similar}' looks like its new name")
+
+
+def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Comparer:
+    """Return the comparer of entries of an element, which are paired by name.
+
+    Args:
+        noun: the entry in messages; if it is empty, removed and added entries are not reported.
+        wording: gives what is reported of an entry that only one version has, with `{}` for its name. Its argument is the
+            entry in B.
+    """
+
+    def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
+        for name, before, after in by_name(old, new):
+            usual = (Category.ADDED, f"new {noun} '{{}}'") if after else (Category.REMOVED, f"{noun} '{{}}' is gone")
+            if before and after:
+                yield from scope.inner(f"{key}.{name}", before, after).changes()
+            elif noun:
+                category, message = wording(after) if wording else usual
+                yield scope.change(category, f"{key}.{name}", message.format(name))
+
+    return compare
+
+
+def by_name(old: Iterable[Any], new: Iterable[Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Yield each name with the entries of that name in A and in B, None where there is no such entry."""
+    before, after = ({_name(entry): entry for entry in side} for side in (old, new))
+    for name in dict.fromkeys((*before, *after)):
+        yield name, before.get(name), after.get(name)
+
+
+def is_nested(old: Any, new: Any) -> bool:
+    """Return whether two values are of one class and are compared field by field."""
+    return type(old) is type(new) and is_dataclass(new) and not isinstance(new, _LEAVES)
+
+
+def plain(value: Any) -> Any:
+    """Return a hashable value that is equal for values that differ only in places and in how conditions are written."""
+    match value:
+        case Place():
+            return None
+        case Condition():
+            return value.text if value.tree is None else normal_text(value.tree)
+        case Node():
+            return normal_text(value)
+        case Mapping():
+            return frozenset((name, plain(entry)) for name, entry in value.items())
+        case tuple():
+            return tuple(map(plain, value))
+        case _ if is_dataclass(value):
+            return tuple(plain(getattr(value, field.name)) for field in fields(value) if field.compare)
+    return value
+
+
+def text_of(value: Any) -> str:
+    """Return a value as messages show it."""
+    match value:
+        case Reference():
+            return value.name
+        case Condition() | Phrase() | FuzzyTerm():
+            return value.text
+        case ValueType():
+            unit = "" if value.unit is None else f" in {value.unit}"
+            ends = "" if value.range is None else f" from {value.range[0]:g} to {value.range[1]:g}"
+            return f"{value.kind}{unit}{ends}{f' of {text_of(value.values)}' if value.values else ''}"
+        case None | Place() | Mapping():
+            return ""
+        case tuple():
+            texts = (map(text_of, entry) if isinstance(entry, tuple) else (text_of(entry),) for entry in value)
+            return ", ".join(": ".join(text) for text in texts)
+        case _ if is_dataclass(value):
+            parts = ((_key(field.name), text_of(getattr(value, field.name))) for field in fields(value))
+            return f"({', '.join(f'{key}: {text}' for key, text in parts if text)})"
+        case bool():
+            return str(value).lower()
+        case float():
+            return f"{value:.10g}"
+    return str(value)
+
+
+def _key(name: str) -> str:
+    """Return the key of a field."""
+    return _KEYS.get(name) or name.removeprefix("is_").removesuffix("_s")
+
+
+def _name(entry: Any) -> str:
+    """Return the name of an entry, or that of the first thing that it refers to; empty if it has no name."""
+    values = (entry, *(getattr(entry, field.name) for field in fields(entry)))
+    names = (value.name for value in values if isinstance(getattr(value, "name", None), str))
+    return next(names, "")
+
+
+def _has_names(value: Any) -> bool:
+    return isinstance(value, tuple) and all(
+        is_dataclass(entry) and not isinstance(entry, _LEAVES) and hasattr(entry, "name") for entry in value
+    )

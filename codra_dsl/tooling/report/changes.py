@@ -1,0 +1,186 @@
+"""What a review says, as text for people, a line each, Markdown, annotations on GitHub, and JSON.
+
+Text that comes from specs is shown, never obeyed.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span
+from codra_dsl.tooling.diff import Change, Latency, Level, Review
+from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdown, range_of, shown_place, visible
+from codra_dsl.tooling.report.github import render_github
+
+ShownFile = Callable[[str], str]
+"""Gives the name under which a file is shown: that of a revision's has the revision in it."""
+
+_ALLOWED = "allowed"
+_MAX_ROWS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Versions:
+    """What was compared.
+
+    Attributes:
+        before: how A was named on the command line; `after` how B was.
+        file_before: gives the name of a file of A as it is shown; `file_after` that of a file of B.
+    """
+
+    before: str
+    after: str
+    file_before: ShownFile
+    file_after: ShownFile
+
+
+def render_full(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
+    """Return each change with what was, what is, and where."""
+    told = ["\n".join(_paragraph(change, versions, palette)) + "\n" for change in review.changes]
+    told += ["\n".join(_times(review.latencies)) + "\n"] if review.latencies else []
+    return "\n".join([*told, _verdict(review) + "\n"])
+
+
+def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
+    """Return changes one a line, then the verdict."""
+    lines = [_line(change, versions, palette) for change in review.changes]
+    return "".join(f"{line}\n" for line in [*lines, _verdict(review)])
+
+
+def render_markdown(review: Review, versions: Versions) -> str:
+    """Return a review as Markdown, for a comment on a pull request."""
+    named = f"{as_markdown(versions.before)} → {as_markdown(versions.after)}"
+    lines = [f"### codra diff: {review.verdict}", "", f"{named}: {_counted(review) or 'no difference'}", ""]
+    for level in Level:
+        rows = [change for change in review.changes if change.level is level]
+        if rows:
+            lines += [f"**{level}**", "", "| category | element | change | place |", "| --- | --- | --- | --- |"]
+            lines += [_row(change, versions) for change in rows[:_MAX_ROWS]]
+            lines += ["", f"and {len(rows) - _MAX_ROWS} more", ""] if len(rows) > _MAX_ROWS else [""]
+    if review.latencies:
+        lines += ["**worst time from declared to known**", "", "| variable | before | after |", "| --- | --- | --- |"]
+        lines += [
+            f"| {as_markdown(each.element)} | {each.before_s:.10g} s | {each.after_s:.10g} s |"
+            for each in review.latencies[:_MAX_ROWS]
+        ]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def render_annotations(review: Review, folder: str = "") -> str:
+    """Return a review as workflow commands of GitHub, the rest as lines of the log; `folder` as for findings."""
+    judged = (change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed)
+    commands = render_github([_finding(change) for change in judged], folder)
+    plain = Versions(before="", after="", file_before=str, file_after=str)
+    rest = (change for change in review.changes if change.level is Level.COMPATIBLE or change.allowed)
+    log = "".join(f"./{_line(change, plain, PLAIN)}\n" for change in rest)
+    return f"{commands}{log}{_verdict(review)}\n"
+
+
+def render_json(review: Review, versions: Versions) -> str:
+    """Return a review as one JSON object."""
+    told = {
+        "verdict": review.verdict.value,
+        "before": versions.before,
+        "after": versions.after,
+        "counts": _counts(review),
+        "changes": [_object(change, versions) for change in review.changes],
+        "latencies": [
+            {"element": each.element, "before_s": each.before_s, "after_s": each.after_s} for each in review.latencies
+        ],
+    }
+    return as_json(told, indent=2) + "\n"
+
+
+def _paragraph(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
+    yield f"{_headline(change, palette)}: {palette.place}{visible(change.element)}{palette.end}"
+    yield f"  {visible(change.message)}"
+    told = (
+        ("was", change.was, _shown(change.before, versions.file_before)),
+        ("is", change.now, _shown(change.after, versions.file_after)),
+    )
+    width = max(len(visible(value or "")) for _, value, _ in told)
+    for word, value, place in told:
+        if place or value is not None:
+            text = f"{visible(value or ''):{width}}  " if width else ""
+            yield f"    {word:3} {text}{palette.gutter}{place}{palette.end}".rstrip()
+
+
+def _line(change: Change, versions: Versions, palette: Palette) -> str:
+    place = _place(change, versions)
+    where = f"{palette.place}{place}{palette.end}: " if place else ""
+    return f"{where}{_headline(change, palette)}: {visible(change.element)}: {visible(change.text)}"
+
+
+def _headline(change: Change, palette: Palette) -> str:
+    colours = {Level.BREAKING: palette.error, Level.CAUTION: palette.warning, Level.COMPATIBLE: palette.help}
+    level = _ALLOWED if change.allowed else change.level.value
+    colour = palette.gutter if change.allowed else colours[change.level]
+    return f"{colour}{level}[{change.category}]{palette.end}"
+
+
+def _place(change: Change, versions: Versions) -> str:
+    after = _shown(change.after, versions.file_after)
+    return after or _shown(change.before, versions.file_before)
+
+
+def _shown(place: Place | None, file: ShownFile) -> str:
+    if place is None:
+        return ""
+    used = "" if place.use is None else f" (used in {visible(file(place.use.file))}:{place.use.line})"
+    return f"{shown_place(replace(place.span, file=file(place.span.file)))}{used}"
+
+
+def _times(latencies: Sequence[Latency]) -> Iterator[str]:
+    yield "worst time from declared to known"
+    for each in latencies:
+        yield f"  {visible(each.element)}: was {each.before_s:.10g} s, is {each.after_s:.10g} s"
+
+
+def _verdict(review: Review) -> str:
+    counted = _counted(review)
+    return f"verdict: {review.verdict}{f' ({counted})' if counted else ''}"
+
+
+def _counts(review: Review) -> dict[str, int]:
+    found = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
+    return {name: found[name] for name in (*(level.value for level in Level), _ALLOWED)}
+
+
+def _counted(review: Review) -> str:
+    return ", ".join(f"{number} {name}" for name, number in _counts(review).items() if number)
+
+
+def _row(change: Change, versions: Versions) -> str:
+    category = f"{change.category} ({_ALLOWED})" if change.allowed else f"{change.category}"
+    place = as_markdown(_place(change, versions))
+    return f"| {category} | {as_markdown(change.element)} | {as_markdown(change.text)} | {place} |"
+
+
+def _finding(change: Change) -> Diagnostic:
+    """Return a change as what annotations are made of."""
+    severity = Severity.ERROR if change.level is Level.BREAKING else Severity.WARNING
+    place = change.after or change.before or Place(Span("-", 1, 1, 1, 1))
+    rule = Rule(code="codra diff", name=change.category.value, severity=severity)
+    return Diagnostic(rule=rule, message=f"{change.element}: {change.text}", place=Place(place.span))
+
+
+def _object(change: Change, versions: Versions) -> dict[str, object]:
+    return {
+        "category": change.category.value,
+        "level": change.level.value,
+        "spec": change.spec,
+        "element": change.element,
+        "key": change.key,
+        "message": change.message,
+        "allowed": change.allowed,
+        "was": change.was,
+        "is": change.now,
+        "before": _range(change.before, versions.file_before),
+        "after": _range(change.after, versions.file_after),
+    }
+
+
+def _range(place: Place | None, file: ShownFile) -> dict[str, object] | None:
+    return None if place is None else range_of(replace(place.span, file=file(place.span.file)))

@@ -1,0 +1,286 @@
+"""The dependency graph as text for Graphviz, and as the picture that Graphviz draws of it."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import redirect_stderr
+from xml.sax.saxutils import escape
+
+from codra_dsl.generation.build_plan import EdgeKind, NodeKind
+from codra_dsl.tooling.report.graphs import Element, Graph, Link
+from codra_dsl.tooling.report.looks import (
+    EDGES,
+    FRAME,
+    NODES,
+    WORST_CASE,
+    EdgeLook,
+    NodeLook,
+    edges_of,
+    label_of,
+    latency_of,
+    nodes_of,
+    shown,
+)
+
+# The picture is laid out with a wide font, so that labels fit whichever of these a browser has.
+_FONT = "DejaVu Sans,Verdana,Arial,sans-serif"
+_LABEL_PT = 12
+_LETTER_EM = 0.62
+_ENTITY = re.compile(r"&(?=#?[A-Za-z0-9]+;)")
+_DRAWN = re.compile(
+    r'<svg width="(?P<width>[0-9]+)pt" height="(?P<height>[0-9]+)pt"\s+viewBox="[^"]*"(?P<rest>[^>]*)>'
+    r"(?P<inside>.*)</svg>",
+    re.DOTALL,
+)
+_SMALLEST = 0.85
+"""A picture shrinks with its window by so much at most, so that its labels can still be read."""
+
+
+MAX_QUICK = 1500
+"""Nodes that Graphviz lays out in seconds; the time grows faster than their number."""
+
+
+class DrawingError(Exception):
+    """A picture cannot be drawn here; the message says what to do."""
+
+
+_CURE = (
+    "pip install 'codra-dsl[viz]', and on Debian "
+    "apt-get install --no-install-recommends libglib2.0-0 libx11-6 libxext6 libxrender1"
+)
+
+
+def render_dot(graph: Graph) -> str:
+    """Return the graph in the language of Graphviz: the nodes and edges of the JSON, each with its `kind`."""
+    nodes = (_node(element, _text(label_of(element))) for element in graph.elements)
+    return _digraph([*nodes, *(_arrow(link, link.source, link.target) for link in graph.links)])
+
+
+def render_svg(graph: Graph) -> str:
+    """Return the graph as a picture with a legend; several specs stand in a frame each.
+
+    Raises:
+        DrawingError: if Graphviz is not installed or cannot draw.
+    """
+    return _with_legend(_match(_drawn(_flowing(graph))), graph)
+
+
+def drawing(graph: Graph) -> str:
+    """Return the same picture for a page that styles it: no legend, no title, nothing but the `svg` element.
+
+    Node number n of the graph has the id `n` with its number, edge number n has `e` with its number.
+
+    Raises:
+        DrawingError: if Graphviz is not installed or cannot draw.
+    """
+    drawn = _match(_drawn(_flowing(graph)))
+    size = f'viewBox="0 0 {drawn["width"]} {drawn["height"]}"'
+    inside = re.sub(r"<!--.*?-->\s*|<title>.*?</title>\s*", "", drawn["inside"], flags=re.DOTALL)
+    return f'<svg {size} xmlns="http://www.w3.org/2000/svg">{inside}</svg>'
+
+
+def _flowing(graph: Graph) -> str:
+    """Return the graph as it is drawn: arrows point where knowledge goes, observers stand in a frame with their own."""
+    lines: list[str] = []
+    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    for spec in graph.specs:
+        elements = [element for element in graph.elements if element.spec == spec]
+        inside = list(_frames(elements, numbers))
+        lines += _framed(spec, inside) if len(graph.specs) > 1 else inside
+    edges = (_arrow(link, *link.flow, id=f"e{number}") for number, link in enumerate(graph.links))
+    return _digraph([*lines, *edges])
+
+
+def _framed(name: str, lines: Iterable[str]) -> list[str]:
+    frame = {"label": name, "labelloc": "t", "style": "rounded", "color": "#888888", "class": "spec"}
+    return [f"subgraph {_quoted(f'cluster {name}')} {{", f"graph {_attributes(frame)};", *lines, "}"]
+
+
+def _digraph(lines: Iterable[str]) -> str:
+    graph = {"rankdir": "LR", "fontname": _FONT, "nodesep": 0.16, "ranksep": 0.5, "newrank": "true"}
+    node = {"fontname": _FONT, "fontsize": _LABEL_PT, "margin": "0.1,0.05", "height": 0.36, "penwidth": 0.8}
+    edge = {"arrowsize": 0.7}
+    defaults = (f"{kind} {_attributes(each)};" for kind, each in (("graph", graph), ("node", node), ("edge", edge)))
+    body = "".join(f"  {line}\n" for line in (*defaults, *lines))
+    return f"digraph codra {{\n{body}}}\n"
+
+
+def _node(element: Element, label: str, **more: object) -> str:
+    look = NODES[shown(element)]
+    attributes = {"label": label, "shape": look.shape, "style": look.style, "fillcolor": look.fill}
+    width = {"width": f"{_width_in(label, look):.2f}"}
+    return f"{_quoted(element.id)} {_attributes({'kind': element.kind.value, **attributes, **width, **more})};"
+
+
+def _numbered(element: Element, number: int) -> str:
+    lines = [_text(label_of(element)), latency_of(element)]
+    return _node(element, "\n".join(filter(None, lines)), id=f"n{number}", **{"class": shown(element).value})
+
+
+def _text(label: str) -> str:
+    """Return a label that Graphviz shows as it is: it reads entities."""
+    return _ENTITY.sub("&amp;", label)
+
+
+_ROOM: Mapping[str, float] = {"hexagon": 1.25, "house": 1.15, "octagon": 1.2, "ellipse": 1.35}
+"""How much wider than its label a shape must be."""
+
+
+def _width_in(label: str, look: NodeLook) -> float:
+    """Return the least width of a node in inches, in which its label fits even where no font can be measured."""
+    longest = max(map(_letters, label.split("\n")))
+    width_in = 0.2 + longest * _LETTER_EM * _LABEL_PT / 72
+    return width_in * _ROOM.get(look.shape, 1.0)
+
+
+def _letters(text: str) -> int:
+    return sum(2 if unicodedata.east_asian_width(letter) in ("W", "F") else 1 for letter in text)
+
+
+def _arrow(link: Link, source: str, target: str, **more: str) -> str:
+    look = EDGES[link.kind]
+    attributes = {"kind": link.kind.value, "color": look.colour, "style": look.style, "arrowhead": look.head, **more}
+    if more:
+        attributes["class"] = link.kind.value
+    if link.kind is EdgeKind.FEEDBACK:
+        attributes["constraint"] = "false"  # it closes a circle, which has no left and right
+    return f"{_quoted(source)} -> {_quoted(target)} {_attributes(attributes)};"
+
+
+def _frames(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+    """Yield all nodes, those of one observer in a frame: its algorithms and what they identify."""
+    frames: dict[str, list[Element]] = {}
+    for element in elements:
+        frames.setdefault(element.observer, []).append(element)
+    for observer, inside in frames.items():
+        lines = [_numbered(element, numbers[element.id]) for element in inside]
+        if not observer or len(inside) == 1:
+            yield from lines
+            continue
+        yield f"subgraph {_quoted(f'cluster {observer}')} {{"
+        yield '  graph [label="", style="rounded,filled", fillcolor="#f7f7f7", color="#bbbbbb", class="frame"];'
+        yield from (f"  {line}" for line in lines)
+        made = [element for element in inside if element.kind is NodeKind.CONTEXT]
+        makers = [element for element in inside if element.kind is not NodeKind.CONTEXT]
+        yield from (_side_by_side(each) for each in (makers, made) if each)
+        yield "}"
+
+
+def _side_by_side(elements: Iterable[Element]) -> str:
+    return f"  {{ rank=same; {' '.join(_quoted(element.id) for element in elements)} }}"
+
+
+def _attributes(values: Mapping[str, object]) -> str:
+    return f"[{', '.join(f'{name}={_quoted(str(value))}' for name, value in values.items())}]"
+
+
+def _quoted(text: str) -> str:
+    r"""Return a quoted string in the language of Graphviz, in which `\N`, `\G` and the like would mean something."""
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def _drawn(dot: str) -> str:
+    """Return what Graphviz draws; it comes with pygraphviz as a library, so that no program is started."""
+    try:
+        import pygraphviz  # noqa: PLC0415 - an extra, with shared libraries that a machine may not have
+    except ImportError as error:
+        raise DrawingError(f"cannot draw: {error}; {_CURE}") from error
+    try:
+        with os.fdopen(os.memfd_create("dot"), "w+b") as stream:  # pygraphviz itself would write a file to /tmp
+            stream.write(dot.encode())
+            stream.seek(0)
+            graph = pygraphviz.AGraph()
+            graph.read(stream)
+        with redirect_stderr(io.StringIO()):  # it has an opinion on large graphs
+            picture = graph.draw(None, format="svg", prog="dot")
+    except (OSError, ValueError) as error:
+        raise DrawingError(f"cannot draw: {error}") from error
+    return str(picture.decode())
+
+
+def _match(picture: str) -> re.Match[str]:
+    found = _DRAWN.search(picture)
+    if found is None:
+        raise DrawingError("cannot draw: Graphviz has drawn no picture")
+    return found
+
+
+# The legend, below the picture
+
+_ROW = 24
+_SAMPLE = 64
+_COLUMN = 440
+
+
+def _with_legend(drawn: re.Match[str], graph: Graph) -> str:
+    """Return a picture with its legend below; it shrinks with its window, down to where it can still be read."""
+    rows = list(_rows(graph))
+    height = int(drawn["height"]) + 20 + _ROW * max((row for _, row, _ in rows), default=0) + _ROW
+    width = max(int(drawn["width"]), 16 + _COLUMN * (1 + max((column for column, _, _ in rows), default=0)))
+    size = f'width="100%" style="min-width: {width * _SMALLEST:.0f}pt; max-width: {width}pt; height: auto"'
+    legend = "".join(
+        f'<g transform="translate({16 + _COLUMN * column} {int(drawn["height"]) + 20 + _ROW * row})">{text}</g>\n'
+        for column, row, text in rows
+    )
+    return (
+        '<?xml version="1.0" encoding="UTF-8" standalone="no"?>\n'
+        f'<svg {size} viewBox="0 0 {width} {height}"{drawn["rest"]}>\n'
+        f'<rect width="{width}" height="{height}" fill="white"/>\n{drawn["inside"]}'
+        f'<g class="legend" font-family="{_FONT}" font-size="{_LABEL_PT}">\n{legend}</g>\n</svg>\n'
+    )
+
+
+def _rows(graph: Graph) -> Iterator[tuple[int, int, str]]:
+    """Yield column, row and drawing of what the legend tells: only what there is in the picture."""
+    boxes = [_sample(NODES[each], NODES[each].meaning) for each in nodes_of(graph)]
+    observed = [element.observer for element in graph.elements if element.observer]
+    if len(observed) > len(set(observed)):
+        boxes.append(_box("#f7f7f7", "#bbbbbb", 6, "") + _words(FRAME))
+    arrows = [_arrow_sample(EDGES[each]) for each in edges_of(graph)]
+    if any(latency_of(element) for element in graph.elements):
+        arrows.append(f'<text x="{_SAMPLE / 2}" y="4" text-anchor="middle">≤ 1 s</text>{_words(WORST_CASE)}')
+    for column, samples in enumerate((boxes, arrows)):
+        yield from ((column, row, text) for row, text in enumerate(samples))
+
+
+def _sample(look: NodeLook, meaning: str) -> str:
+    rounding = 6 if "rounded" in look.style else 0
+    dashes = ' stroke-dasharray="4 2"' if "dashed" in look.style else ""
+    if look.shape == "hexagon":
+        drawing = f'<polygon points="0,0 9,-8 55,-8 64,0 55,8 9,8" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "house":
+        drawing = f'<polygon points="0,8 0,-4 32,-10 64,-4 64,8" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "octagon":
+        drawing = f'<polygon points="8,-8 56,-8 64,-3 64,3 56,8 8,8 0,3 0,-3" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "ellipse":
+        drawing = f'<ellipse cx="32" rx="32" ry="9" fill="{look.fill}" stroke="black"/>'
+    elif look.shape == "cds":
+        drawing = f'<polygon points="0,-8 56,-8 64,0 56,8 0,8" fill="{look.fill}" stroke="black"/>'
+    else:
+        drawing = _box(look.fill, "black", rounding, dashes)
+    return drawing + _words(meaning)
+
+
+def _box(fill: str, stroke: str, rounding: int, dashes: str) -> str:
+    return f'<rect y="-8" width="{_SAMPLE}" height="16" rx="{rounding}" fill="{fill}" stroke="{stroke}"{dashes}/>'
+
+
+_DASHES: Mapping[str, str] = {"dashed": ' stroke-dasharray="5 2"', "dotted": ' stroke-dasharray="1 4"'}
+
+
+def _arrow_sample(look: EdgeLook) -> str:
+    """Return an arrow from A to B with what it says."""
+    width = 2 if look.style == "bold" else 1
+    line = f'<path d="M12,0H46" stroke="{look.colour}" stroke-width="{width}"{_DASHES.get(look.style, "")}/>'
+    fill = "white" if look.head == "empty" else look.colour if look.head in ("normal", "vee") else "none"
+    head = f'<polygon points="44,-4 52,0 44,4" fill="{fill}" stroke="{look.colour}"/>' if look.head != "none" else ""
+    ends = '<text x="0" y="4">A</text><text x="55" y="4">B</text>'
+    return ends + line + head + _words(look.sentence)
+
+
+def _words(text: str) -> str:
+    return f'<text x="{_SAMPLE + 12}" y="4">{escape(text)}</text>'

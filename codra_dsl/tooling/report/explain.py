@@ -1,0 +1,151 @@
+"""Pages about kinds of findings: what each means for a robot, a spec that has it, and the same spec mended."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import groupby
+from pathlib import Path
+
+from codra_dsl.language.diagnostics import Rule, Severity
+from codra_dsl.tooling.report.findings import as_json
+from codra_dsl.workspace.suppression import known_rules
+
+FOLDER = Path(__file__).parent / "pages"
+"""Where the pages are: `CDRnnnn.md` for each code."""
+
+FAMILIES: Mapping[str, str] = {
+    "CDR0": "Files and limits",
+    "CDR002": "Settings",
+    "CDR03": "Limits of trees",
+    "CDR1": "YAML",
+    "CDR102": "What YAML does to conditions",
+    "CDR13": "XML of trees",
+    "CDR2": "Shape",
+    "CDR22": "FLL",
+    "CDR23": "Shape of trees",
+    "CDR3": "Names, parts and templates",
+    "CDR31": "References and sources",
+    "CDR33": "Names in trees",
+    "CDR4": "Conditions and types",
+    "CDR43": "Scripts of trees",
+    "CDR5": "Dependencies",
+    "CDR53": "Subtrees",
+    "CDR6": "Output",
+    "CDR7": "Context quality",
+    "CDR79": "Comments that silence findings",
+}
+"""What codes are about, by how they begin; the longest beginning counts."""
+
+_INDENT = "  "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What there is to say about one kind of finding.
+
+    Attributes:
+        summary: what is wrong, in one sentence.
+        markdown: the whole page, with a heading.
+    """
+
+    code: str
+    name: str
+    severity: Severity
+    summary: str
+    markdown: str
+
+
+@cache
+def all_rules() -> Mapping[str, Rule]:
+    """Return every rule of every room by its code, in the order of codes."""
+    return dict(sorted(known_rules().items()))
+
+
+def page_of(code: str) -> Page | None:
+    """Return the page about a code; None where there is none."""
+    rule, file = all_rules().get(code), FOLDER / f"{code}.md"
+    if rule is None or not file.is_file():
+        return None
+    markdown = file.read_text("utf-8")
+    _, _, body, *_ = markdown.split("\n\n")
+    return Page(code=code, name=rule.name, severity=rule.severity, summary=body.partition("\n")[0], markdown=markdown)
+
+
+def all_pages() -> Iterator[Page]:
+    """Yield every page in the order of codes."""
+    yield from (page for page in map(page_of, all_rules()) if page is not None)
+
+
+def code_of(asked: str) -> str | None:
+    """Return the code that is asked for by itself or by its rule's name, in letters of any case."""
+    if asked.upper() in all_rules():
+        return asked.upper()
+    return next((code for code, rule in all_rules().items() if rule.name == asked.casefold()), None)
+
+
+def family_of(code: str) -> str:
+    """Return what a code is about, for a heading."""
+    return FAMILIES[max((prefix for prefix in FAMILIES if code.startswith(prefix)), key=len)]
+
+
+# ---------------------------------------------------------------------------------------------------- forms
+
+
+def as_text(page: Page) -> str:
+    """Return a page for a terminal: without the marks of Markdown, with indented blocks."""
+    lines: list[str] = []
+    in_block = False
+    for line in page.markdown.splitlines():
+        if line.startswith("```"):
+            lines += _head_of_block(line) if not in_block else []
+            in_block = not in_block
+        else:
+            lines.append(f"{_INDENT}{line}".rstrip() if in_block else _unmarked(line))
+    return "\n".join(lines) + "\n"
+
+
+def _head_of_block(fence: str) -> list[str]:
+    """Return what names a block that is not the spec itself."""
+    file = re.search(r"file=(\S+)", fence)
+    if file is not None:
+        return [f"{file[1]}:"]
+    return ["pyproject.toml:"] if fence == "```toml" else []
+
+
+def _unmarked(line: str) -> str:
+    """Return a line of prose: headings without `#`, and what is quoted as findings quote it."""
+    return re.sub("^#+ ", "", line).replace("`", "'")
+
+
+def as_object(page: Page) -> str:
+    """Return a page as JSON in one line."""
+    keys = ("code", "name", "severity", "summary", "markdown")
+    return as_json({key: str(getattr(page, key)) for key in keys}) + "\n"
+
+
+def list_as_text(pages: Iterable[Page]) -> str:
+    """Return a list of pages for a terminal, with a heading for each family of codes."""
+    families = (
+        f"{family}\n" + "".join(f"{_INDENT}{page.code}  {page.name}: {_unmarked(page.summary)}\n" for page in members)
+        for family, members in groupby(pages, lambda page: family_of(page.code))
+    )
+    return "\n".join(families)
+
+
+def list_as_markdown(pages: Iterable[Page], folder: str = "") -> str:
+    """Return a list of pages as tables of Markdown, one for each family; with a folder, codes are links into it."""
+    families = (
+        f"## {family}\n\n| code | name | severity | in one sentence |\n| --- | --- | --- | --- |\n"
+        + "".join(_row(page, folder) for page in members)
+        for family, members in groupby(pages, lambda page: family_of(page.code))
+    )
+    return "\n".join(families)
+
+
+def _row(page: Page, folder: str) -> str:
+    code = f"[{page.code}]({folder}/{page.code}.md)" if folder else page.code
+    summary = page.summary.replace("|", "\\|")
+    return f"| {code} | `{page.name}` | {page.severity} | {summary} |\n"

@@ -1,0 +1,19 @@
+"""Text for Graphviz."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+
+if TYPE_CHECKING:
+    from codra_dsl.tooling.report.graphs import Graph
+
+
+def _render(graph: Graph, _say: Say) -> str:
+    from codra_dsl.tooling.report.dot import render_dot
+
+    return render_dot(graph)
+
+
+FORMAT = GraphFormat(name="dot", endings=(".dot", ".gv", ".txt"), render=_render)

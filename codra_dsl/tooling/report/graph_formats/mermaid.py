@@ -1,0 +1,25 @@
+"""A Mermaid flowchart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+
+if TYPE_CHECKING:
+    from codra_dsl.tooling.report.graphs import Graph
+
+
+def _render(graph: Graph, say: Say) -> str:
+    """Return the flowchart; say so if it does not show every node or has more edges than Mermaid draws by default."""
+    from codra_dsl.tooling.report.mermaid import MAX_EDGES, flowchart
+
+    chart = flowchart(graph)
+    if not chart.is_whole:
+        say("the graph is too large for Mermaid and was drawn together: --select shows a part in full")
+    if not chart.fits:
+        say(f"even so it has {chart.edges} edges: Mermaid draws {MAX_EDGES} unless its page sets maxEdges")
+    return chart.text
+
+
+FORMAT = GraphFormat(name="mermaid", endings=(".mmd", ".mermaid"), render=_render)

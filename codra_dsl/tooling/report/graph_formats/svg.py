@@ -1,0 +1,22 @@
+"""A picture that Graphviz draws."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from codra_dsl.tooling.report.graph_formats import GraphFormat, Say
+
+if TYPE_CHECKING:
+    from codra_dsl.tooling.report.graphs import Graph
+
+
+def _render(graph: Graph, say: Say) -> str:
+    """Return the picture; say so beforehand if drawing it may take minutes."""
+    from codra_dsl.tooling.report.dot import MAX_QUICK, render_svg
+
+    if len(graph.elements) > MAX_QUICK:
+        say(f"to lay out {len(graph.elements)} nodes may take minutes: --select takes a part, --format html is quicker")
+    return render_svg(graph)
+
+
+FORMAT = GraphFormat(name="svg", endings=(".svg",), render=_render)

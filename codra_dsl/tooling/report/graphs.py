@@ -1,0 +1,217 @@
+"""The dependency graph of compiled specs as one value, and as JSON; its neighbours draw it.
+
+In JSON and for Graphviz an edge reads as a sentence: a skill decides on a variable, an observer runs an algorithm, an
+algorithm requires one variable and identifies another. Pictures follow what is known instead, from left to right: from
+the variables that perception needs, through what it identifies, to the decisions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from codra_dsl.generation.build_plan import BuildPlan, EdgeKind, Node, NodeKind
+from codra_dsl.generation.build_plan.names import entry_names, module_name
+from codra_dsl.generation.emit.graph_nodes import node_id
+from codra_dsl.generation.emit.records import graph_nodes, list_of, object_of, places
+from codra_dsl.language.check.latency import worst_cases
+from codra_dsl.tooling.selection import Choice, Choices
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Element:
+    """A node of the graph.
+
+    Attributes:
+        label: what people read.
+        spec: the name of its spec.
+        group: the use of a template that made it, else the file that declares it, as the generated module is called.
+        use: the use of a template that made it, or nothing.
+        observer: the id of the observer that identifies or runs it, or that it is; nothing where none does.
+        about: what `graph.json` says of it.
+        description: of a variable.
+        worst_case_s: from declared to known, of a variable that observers identify.
+    """
+
+    id: str
+    kind: NodeKind
+    name: str
+    label: str
+    spec: str
+    group: str
+    use: str
+    observer: str
+    about: Mapping[str, object]
+    file: str
+    line: int
+    description: str = ""
+    worst_case_s: float | None = None
+
+    @property
+    def is_given(self) -> bool:
+        """Return whether it is a variable that no observer identifies."""
+        return self.kind is NodeKind.CONTEXT and not self.observer
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """An edge of the graph: it reads as a sentence, `source kind target`."""
+
+    source: str
+    target: str
+    kind: EdgeKind
+
+    @property
+    def flow(self) -> tuple[str, str]:
+        """Return what is needed, then who needs it: the way that an arrow points in a picture."""
+        return (self.target, self.source) if self.kind in _AGAINST_THE_FLOW else (self.source, self.target)
+
+
+_AGAINST_THE_FLOW = frozenset(
+    {
+        EdgeKind.REQUIRES,
+        EdgeKind.DECIDES_ON,
+        EdgeKind.FEEDBACK,
+        EdgeKind.READS,
+        EdgeKind.EXECUTES,
+        EdgeKind.LEADS_FROM,
+        EdgeKind.WEIGHS,
+    }
+)
+"""Edges whose sentence ends where knowledge comes from."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Graph:
+    """The dependency graph of some specs.
+
+    Attributes:
+        specs: their names.
+        absent: names that are declared but needed by no decision, so that they are no elements.
+    """
+
+    specs: tuple[str, ...]
+    elements: tuple[Element, ...]
+    links: tuple[Link, ...]
+    absent: frozenset[str] = frozenset()
+
+    def part(self, ids: Collection[str]) -> Graph:
+        """Return the graph of some of its elements, with all links between them."""
+        return replace(
+            self,
+            elements=tuple(element for element in self.elements if element.id in ids),
+            links=tuple(link for link in self.links if link.source in ids and link.target in ids),
+        )
+
+    def choices(self) -> Choices:
+        """Return what selectors can choose from."""
+        nodes = (
+            Choice(id=each.id, name=each.name, kind=each.kind, label=each.label, file=each.file, use=each.use)
+            for each in self.elements
+        )
+        kinds = tuple(kind.value for kind in NodeKind)
+        return Choices(nodes=tuple(nodes), edges=[link.flow for link in self.links], kinds=kinds, absent=self.absent)
+
+
+def graph_of(plans: Sequence[BuildPlan]) -> Graph:
+    """Return the dependency graph of some plans, spec by spec, kind by kind, in the order of the plans."""
+    elements = tuple(element for plan in plans for element in _elements(plan))
+    links = (
+        Link(node_id(plan, edge.source), node_id(plan, edge.target), edge.kind) for plan in plans for edge in plan.edges
+    )
+    declared = frozenset(name for plan in plans for name in (*plan.checked.variables, *plan.checked.algorithms))
+    return Graph(
+        specs=tuple(plan.name for plan in plans),
+        elements=elements,
+        links=tuple(links),
+        absent=declared - {element.name for element in elements},
+    )
+
+
+def render_json(graph: Graph) -> str:
+    """Return the graph with the place of each node in the spec, and the worst case of each variable."""
+    edges = ({"source": link.source, "target": link.target, "kind": link.kind.value} for link in graph.links)
+    return object_of(nodes=list_of(map(_told, graph.elements)), edges=list_of(edges))
+
+
+def _told(element: Element) -> dict[str, object]:
+    latency = {"worst_case_s": element.worst_case_s} if element.kind is NodeKind.CONTEXT else {}
+    place = {"file": element.file, "line": element.line}
+    return {"id": element.id, "kind": element.kind.value, **element.about, **latency, **place}
+
+
+def _elements(plan: BuildPlan) -> Iterator[Element]:
+    where, bounds = dict(places(plan)), worst_cases(plan.checked)
+    groups, uses = _groups(plan)
+    observers = _observers(plan)
+    for node, about in graph_nodes(plan):
+        name = node_id(plan, node)
+        span = where[name].span
+        is_variable = node.kind is NodeKind.CONTEXT
+        yield Element(
+            id=name,
+            kind=node.kind,
+            name=node.name,
+            label=str(about["label"]),
+            spec=plan.name,
+            group=groups[node],
+            use=uses.get(groups[node], ""),
+            observer=observers.get(node, ""),
+            about=about,
+            file=span.file,
+            line=span.line,
+            description=plan.checked.variables[node.name].description if is_variable else "",
+            worst_case_s=bounds.get(node.name) if is_variable else None,
+        )
+
+
+def _groups(plan: BuildPlan) -> tuple[Mapping[Node, str], Mapping[str, str]]:
+    """Return the module of each node, and the use that made each module that a use has made."""
+    trees = {tree.name: tree for tree in plan.forest}
+    groups: dict[Node, str] = {}
+    for module in plan.modules:
+        made = [trees[name] for name in module.trees]
+        nodes = [Node(NodeKind.CONTEXT, name) for name in module.variables]
+        nodes += [Node(NodeKind.OBSERVER, tree.name) for tree in made]
+        nodes += [Node(NodeKind.PERCEPTION, branch.name) for tree in made for branch in tree.branches]
+        nodes += [Node(NodeKind.SKILL, name) for name in module.skills]
+        groups |= dict.fromkeys(nodes, module.name)
+    taken = entry_names(plan.checked.spec)
+    for node, _ in graph_nodes(plan):
+        if node not in groups:  # of knowledge or loops, which have modules of their own
+            groups[node] = module_name(_origin(plan, node), taken)
+    return groups, {module.name: module.use.instance for module in plan.modules if module.use is not None}
+
+
+_SECTIONS = {
+    NodeKind.CONTEXT: "context",
+    NodeKind.AGENT: "agents",
+    NodeKind.TYPE: "types",
+    NodeKind.EDGE: "edges",
+    NodeKind.TASK: "tasks",
+    NodeKind.METRIC: "metrics",
+    NodeKind.ACTION: "actions",
+    NodeKind.ADAPTATION: "adaptation",
+    NodeKind.TREE: "trees",
+    NodeKind.LOOP: "loops",
+}
+
+
+def _origin(plan: BuildPlan, node: Node) -> str:
+    """Return where an element of knowledge or loops is declared; a type that only nodes name, with these."""
+    spec = plan.checked.spec
+    key = (_SECTIONS[node.kind], node.name)
+    if key in spec.origins:
+        return spec.origins[key]
+    return next(spec.origins["nodes", each.name] for each in spec.nodes if each.type.name == node.name)
+
+
+def _observers(plan: BuildPlan) -> Mapping[Node, str]:
+    """Return the id of the observer that each node belongs to."""
+    found: dict[Node, str] = {}
+    for tree in plan.forest:
+        observer = Node(NodeKind.OBSERVER, tree.name)
+        nodes = [observer, *(Node(NodeKind.PERCEPTION, branch.name) for branch in tree.branches)]
+        nodes += [Node(NodeKind.CONTEXT, name) for name in tree.identifies]
+        found |= dict.fromkeys(nodes, node_id(plan, observer))
+    return found

@@ -1,0 +1,139 @@
+"""How each kind of node and edge looks in every picture, and what it means in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.graphs import Element, Graph
+
+
+class Shown(StrEnum):
+    """What a picture tells apart: the kinds of node, and variables that no observer identifies."""
+
+    CONTEXT = "context"
+    GIVEN = "given"
+    PERCEPTION = "perception"
+    OBSERVER = "observer"
+    SKILL = "skill"
+    AGENT = "agent"
+    TYPE = "type"
+    EDGE = "edge"
+    TASK = "task"
+    METRIC = "metric"
+    ACTION = "action"
+    ADAPTATION = "adaptation"
+    TREE = "tree"
+    LOOP = "loop"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeLook:
+    """How a node looks.
+
+    Attributes:
+        shape: its name in Graphviz.
+        meaning: what it is, in words.
+    """
+
+    shape: str
+    fill: str
+    style: str
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EdgeLook:
+    """How an arrow from A to B looks.
+
+    Attributes:
+        style: solid, bold, dotted or dashed.
+        sentence: what an arrow from A to B says.
+    """
+
+    colour: str
+    style: str
+    head: str
+    sentence: str
+
+
+NODES: Mapping[Shown, NodeLook] = {
+    Shown.CONTEXT: NodeLook(
+        shape="box", fill="#d6e6f5", style="filled,rounded", meaning="context-variable that an observer identifies"
+    ),
+    Shown.GIVEN: NodeLook(
+        shape="box", fill="#ffffff", style="filled,rounded,dashed", meaning="context-variable that others tell"
+    ),
+    Shown.PERCEPTION: NodeLook(shape="box", fill="#fff3c4", style="filled", meaning="perception algorithm"),
+    Shown.OBSERVER: NodeLook(shape="hexagon", fill="#d8efd3", style="filled", meaning="observer"),
+    Shown.SKILL: NodeLook(shape="cds", fill="#f6d5c0", style="filled", meaning="skill of the main execution"),
+    Shown.AGENT: NodeLook(shape="house", fill="#e5d9f2", style="filled", meaning="agent that writes knowledge"),
+    Shown.TYPE: NodeLook(shape="box", fill="#e4e4e4", style="filled,rounded", meaning="type of nodes"),
+    Shown.EDGE: NodeLook(shape="ellipse", fill="#ffffff", style="filled", meaning="type of edges between nodes"),
+    Shown.TASK: NodeLook(shape="octagon", fill="#fde0e6", style="filled", meaning="task that agents hand over"),
+    Shown.METRIC: NodeLook(shape="box", fill="#cdeceb", style="filled", meaning="metric"),
+    Shown.ACTION: NodeLook(shape="cds", fill="#cdeceb", style="filled", meaning="action with a weight"),
+    Shown.ADAPTATION: NodeLook(shape="diamond", fill="#f6d5c0", style="filled", meaning="adaptation"),
+    Shown.TREE: NodeLook(shape="folder", fill="#d8efd3", style="filled", meaning="behaviour tree"),
+    Shown.LOOP: NodeLook(shape="doublecircle", fill="#ffffff", style="filled", meaning="loop"),
+}
+
+EDGES: Mapping[EdgeKind, EdgeLook] = {
+    EdgeKind.REQUIRES: EdgeLook(
+        colour="#1f5fa8", style="solid", head="normal", sentence="A must be known before B looks"
+    ),
+    EdgeKind.IDENTIFIES: EdgeLook(colour="#2e7d32", style="bold", head="normal", sentence="A identifies B"),
+    EdgeKind.RUNS: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A runs B"),
+    EdgeKind.DECIDES_ON: EdgeLook(colour="#b5541c", style="dashed", head="vee", sentence="A is what B decides on"),
+    EdgeKind.FEEDBACK: EdgeLook(
+        colour="#c2185b", style="dashed", head="empty", sentence="A is read by B, which does not wait for it"
+    ),
+    EdgeKind.OWNS: EdgeLook(colour="#6a3fa0", style="bold", head="normal", sentence="A may write B"),
+    EdgeKind.READS: EdgeLook(colour="#6a3fa0", style="dashed", head="vee", sentence="A is read by B"),
+    EdgeKind.REQUESTS: EdgeLook(colour="#b3123a", style="solid", head="normal", sentence="A may ask for task B"),
+    EdgeKind.EXECUTES: EdgeLook(colour="#b3123a", style="bold", head="normal", sentence="A is done by B"),
+    EdgeKind.LEADS_FROM: EdgeLook(colour="#777777", style="solid", head="none", sentence="edges B lead from nodes A"),
+    EdgeKind.LEADS_TO: EdgeLook(colour="#777777", style="solid", head="open", sentence="edges A lead to nodes B"),
+    EdgeKind.WEIGHS: EdgeLook(colour="#00796b", style="solid", head="normal", sentence="A is weighed by B"),
+    EdgeKind.SWITCHES: EdgeLook(colour="#b5541c", style="bold", head="normal", sentence="A chooses the branch of B"),
+    EdgeKind.SETS: EdgeLook(colour="#b5541c", style="solid", head="normal", sentence="A sets B"),
+    EdgeKind.ANALYSES: EdgeLook(colour="#777777", style="dotted", head="open", sentence="A works out B"),
+    EdgeKind.ADAPTS: EdgeLook(colour="#777777", style="dashed", head="open", sentence="A makes B"),
+}
+
+FRAME = "an observer with what it runs and identifies"
+WORST_CASE = "known at the latest so long after it is declared"
+
+
+def shown(element: Element) -> Shown:
+    """Return what a picture shows an element as."""
+    return Shown.GIVEN if element.is_given else Shown(element.kind.value)
+
+
+def label_of(element: Element) -> str:
+    """Return the label of an element on one line; its name where the label is nothing to see."""
+    return visible(element.label).strip() or element.name
+
+
+def latency_of(element: Element) -> str:
+    """Return the worst case of a variable in few letters, or nothing."""
+    return "" if element.worst_case_s is None else f"≤ {_seconds(element.worst_case_s)}"
+
+
+def _seconds(duration_s: float) -> str:
+    return f"{round(duration_s, 3):g} s" if duration_s < 1000 else f"{duration_s:.0f} s"
+
+
+def nodes_of(graph: Graph) -> tuple[Shown, ...]:
+    """Return the kinds of node that a graph has, in the order of the legend."""
+    present = {shown(element) for element in graph.elements}
+    return tuple(each for each in NODES if each in present)
+
+
+def edges_of(graph: Graph) -> tuple[EdgeKind, ...]:
+    """Return the kinds of edge that a graph has, in the order of the legend."""
+    present = {link.kind for link in graph.links}
+    return tuple(each for each in EDGES if each in present)

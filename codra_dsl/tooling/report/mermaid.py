@@ -1,0 +1,175 @@
+"""The dependency graph as a Mermaid flowchart, for pages that draw Mermaid.
+
+What draws Mermaid refuses long texts and many edges. A graph beyond that is drawn together, a box for each use of a
+template and each file: it is shown whole, and `--select` shows the rest piece by piece.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.tooling.report.graphs import Element, Graph
+from codra_dsl.tooling.report.looks import (
+    EDGES,
+    NODES,
+    WORST_CASE,
+    Shown,
+    edges_of,
+    label_of,
+    latency_of,
+    nodes_of,
+    shown,
+)
+from codra_dsl.tooling.report.overview import Overview, overview
+
+MAX_EDGES = 499
+"""Mermaid refuses more (`maxEdges`)."""
+
+MAX_LETTERS = 50_000
+"""Mermaid refuses more (`maxTextSize`)."""
+
+_SHAPES: Mapping[Shown, tuple[str, str]] = {
+    Shown.CONTEXT: ("(", ")"),
+    Shown.GIVEN: ("(", ")"),
+    Shown.PERCEPTION: ("[", "]"),
+    Shown.OBSERVER: ("{{", "}}"),
+    Shown.SKILL: ("([", "])"),
+    Shown.AGENT: ("[/", "\\]"),
+    Shown.TYPE: ("(", ")"),
+    Shown.EDGE: ("((", "))"),
+    Shown.TASK: ("[[", "]]"),
+    Shown.METRIC: ("[", "]"),
+    Shown.ACTION: ("([", "])"),
+    Shown.ADAPTATION: ("{", "}"),
+    Shown.TREE: ("[(", ")]"),
+    Shown.LOOP: ("(((", ")))"),
+}
+_ARROWS: Mapping[EdgeKind, str] = {
+    EdgeKind.REQUIRES: "-->",
+    EdgeKind.IDENTIFIES: "==>",
+    EdgeKind.RUNS: "-.->",
+    EdgeKind.DECIDES_ON: "-.->",
+    EdgeKind.FEEDBACK: "-.-o",
+    EdgeKind.OWNS: "==>",
+    EdgeKind.READS: "-.->",
+    EdgeKind.REQUESTS: "-->",
+    EdgeKind.EXECUTES: "==>",
+    EdgeKind.LEADS_FROM: "---",
+    EdgeKind.LEADS_TO: "-->",
+    EdgeKind.WEIGHS: "-->",
+    EdgeKind.SWITCHES: "==>",
+    EdgeKind.SETS: "-->",
+    EdgeKind.ANALYSES: "-.->",
+    EdgeKind.ADAPTS: "-.->",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flowchart:
+    """A graph as Mermaid draws it.
+
+    Attributes:
+        is_whole: whether it shows the graph element by element.
+        edges: how many it has.
+    """
+
+    text: str
+    is_whole: bool
+    edges: int
+
+    @property
+    def fits(self) -> bool:
+        """Return whether Mermaid draws it unless it was told to draw more."""
+        return self.edges <= MAX_EDGES and len(self.text) <= MAX_LETTERS
+
+
+def flowchart(graph: Graph) -> Flowchart:
+    """Return the graph as a flowchart: whole if Mermaid draws that, else drawn together."""
+    whole = Flowchart(text=_chart(graph), is_whole=True, edges=len(graph.links) + len(edges_of(graph)))
+    if whole.fits:
+        return whole
+    boxes = overview(graph)
+    return Flowchart(text=_together(boxes), is_whole=False, edges=len(boxes.arrows))
+
+
+def _chart(graph: Graph) -> str:
+    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    lines = ["flowchart LR"]
+    for spec in graph.specs:
+        inside = [*_groups([element for element in graph.elements if element.spec == spec], numbers)]
+        lines += _subgraph(f"spec_{spec}", spec, inside) if len(graph.specs) > 1 else inside
+    for link in graph.links:
+        need, user = link.flow
+        lines.append(f"n{numbers[need]} {_ARROWS[link.kind]} n{numbers[user]}")
+    lines += _legend(graph)
+    lines += (_style(each) for each in nodes_of(graph))
+    kinds = [link.kind for link in graph.links] + list(edges_of(graph))
+    lines += (_link_style(kind, kinds) for kind in edges_of(graph))
+    return "\n  ".join(lines) + "\n"
+
+
+def _groups(elements: Iterable[Element], numbers: Mapping[str, int]) -> Iterator[str]:
+    """Yield all elements, those of a use of a template in a subgraph."""
+    groups: dict[str, list[str]] = {}
+    for element in elements:
+        groups.setdefault(element.use, []).append(_node(element, numbers[element.id]))
+        spec = element.spec
+    for use, lines in groups.items():
+        yield from _subgraph(f"use_{spec}_{use}", use, lines) if use else lines
+
+
+def _subgraph(name: str, label: str, lines: Iterable[str]) -> list[str]:
+    return [f'subgraph {name}["{_text(label)}"]', *(f"  {line}" for line in lines), "end"]
+
+
+def _node(element: Element, number: int) -> str:
+    opening, closing = _SHAPES[shown(element)]
+    label = "<br/>".join(filter(None, [_text(label_of(element)), latency_of(element)]))
+    return f'n{number}{opening}"{label}"{closing}:::{shown(element)}'
+
+
+def _text(label: str) -> str:
+    """Return text that Mermaid shows as it is: all but letters and digits as codes."""
+    return "".join(letter if letter.isalnum() or letter in "_ " else f"#{ord(letter)};" for letter in label)
+
+
+def _legend(graph: Graph) -> list[str]:
+    """Return the legend: for each kind of arrow, one from A to B with what it says."""
+    lines = []
+    for number, kind in enumerate(edges_of(graph)):
+        sentence = _text(EDGES[kind].sentence)
+        lines.append(f'a{number}(("A")) {_ARROWS[kind]}|"{sentence}"| b{number}(("B"))')
+    lines += (f'k_{each}["{_text(NODES[each].meaning)}"]:::{each}' for each in nodes_of(graph))
+    if any(latency_of(element) for element in graph.elements):
+        lines.append(f'worst_case["≤ 1 s{_text(": " + WORST_CASE)}"]:::plain')
+    return _subgraph("legend", "how to read it", lines)
+
+
+def _style(each: Shown) -> str:
+    dashes = ",stroke-dasharray:4 2" if "dashed" in NODES[each].style else ""
+    return f"classDef {each} fill:{NODES[each].fill},stroke:#333333,color:#000000{dashes}"
+
+
+def _link_style(kind: EdgeKind, kinds: Sequence[EdgeKind]) -> str:
+    numbers = ",".join(str(number) for number, each in enumerate(kinds) if each is kind)
+    return f"linkStyle {numbers} stroke:{EDGES[kind].colour}"
+
+
+def _together(whole: Overview) -> str:
+    """Return a flowchart with a box for each use and file."""
+    lines = [
+        "flowchart LR",
+        "%% Too large for Mermaid: each box stands for all that a use of a template, a file or an observer declares,",
+        "%% each arrow leads from what is needed to who needs it. `codra graph --select` shows a part in full.",
+    ]
+    for spec in whole.specs:
+        inside = [
+            f'b{number}["{_text(box.label)}<br/>{box.count} node{"" if box.count == 1 else "s"}"]'
+            for number, box in enumerate(whole.boxes)
+            if box.spec == spec
+        ]
+        lines += _subgraph(f"spec_{spec}", spec, inside) if len(whole.specs) > 1 else inside
+    lines += (f"b{need} --> b{user}" for need, user in whole.arrows)
+    return "\n  ".join(lines) + "\n"

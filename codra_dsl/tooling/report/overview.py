@@ -1,0 +1,66 @@
+"""A graph too large for a picture, drawn together: a box for each use of a template and each file."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from codra_dsl.tooling.report.graphs import Element, Graph
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Elements that stand together.
+
+    Attributes:
+        spec: the spec that they belong to.
+        count: how many they are.
+    """
+
+    spec: str
+    label: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overview:
+    """A graph of boxes.
+
+    Attributes:
+        arrows: how many links lead from one box to another, by what is needed and who needs it, as numbers of boxes.
+    """
+
+    specs: tuple[str, ...]
+    boxes: tuple[Box, ...]
+    arrows: Mapping[tuple[int, int], int]
+
+
+def overview(graph: Graph) -> Overview:
+    """Return a graph drawn together by uses and files; within one file, by observers."""
+    if len({_module(element) for element in graph.elements}) > 1:
+        return _drawn_together(graph, _module)
+    return _drawn_together(graph, _observer)
+
+
+_Key = tuple[str, str]
+
+
+def _module(element: Element) -> _Key:
+    return element.spec, element.group
+
+
+def _observer(element: Element) -> _Key:
+    return element.spec, (element.observer or element.id).rpartition("/")[2]
+
+
+def _drawn_together(graph: Graph, key_of: Callable[[Element], _Key]) -> Overview:
+    counts = Counter(map(key_of, graph.elements))
+    numbers = {key: number for number, key in enumerate(counts)}
+    box_of = {element.id: numbers[key_of(element)] for element in graph.elements}
+    arrows = Counter((box_of[need], box_of[user]) for need, user in (link.flow for link in graph.links))
+    return Overview(
+        specs=graph.specs,
+        boxes=tuple(Box(spec=spec, label=label, count=count) for (spec, label), count in counts.items()),
+        arrows={ends: count for ends, count in arrows.items() if ends[0] != ends[1]},
+    )

@@ -1,0 +1,109 @@
+"""The dependency graph as one page: a single file that needs no network, for any browser.
+
+The template escapes all text. What a spec says is data in the page that nothing runs; the page's policy allows only its
+own script, which it names by its digest.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from codra_dsl.tooling.report.dot import MAX_QUICK, DrawingError, drawing
+from codra_dsl.tooling.report.findings import visible
+from codra_dsl.tooling.report.graphs import Element, Graph
+from codra_dsl.tooling.report.looks import EDGES, NODES, WORST_CASE, edges_of, label_of, latency_of, nodes_of, shown
+
+
+def render_html(graph: Graph) -> str:
+    """Return the graph as a page to explore: search, pan and zoom, what a node needs and what needs it."""
+    folder = files("codra_dsl.tooling.report") / "viewer"
+    style, *scripts = ((folder / name).read_text("utf-8") for name in ("style.css", "graph.js", "script.js"))
+    script = "".join(scripts)
+    digest = base64.b64encode(hashlib.sha256(f"\n{script}".encode()).digest()).decode()
+    template = _environment().get_template("page.html.j2")
+    return template.render(
+        title=f"{', '.join(graph.specs)}: dependency graph",
+        digest=f"sha256-{digest}",
+        style=style,
+        script=script,
+        drawing=_drawing(graph),
+        data=_data(graph),
+    )
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("codra_dsl.tooling.report", "viewer"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=True,
+    )
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
+    return environment
+
+
+def _drawing(graph: Graph) -> str:
+    """Return what Graphviz draws, or nothing where it is slow or not there: then the page lays the graph out itself."""
+    if len(graph.elements) > MAX_QUICK:
+        return ""
+    try:
+        return drawing(graph)
+    except DrawingError:
+        return ""
+
+
+def _data(graph: Graph) -> Mapping[str, object]:
+    numbers = {element.id: number for number, element in enumerate(graph.elements)}
+    return {
+        "title": ", ".join(graph.specs),
+        "specs": graph.specs,
+        "nodes": [_node(element) for element in graph.elements],
+        "edges": [(*(numbers[end] for end in link.flow), link.kind.value) for link in graph.links],
+        "kinds": {kind.value: NODES[kind].meaning for kind in nodes_of(graph)},
+        "arrows": {kind.value: EDGES[kind].sentence for kind in edges_of(graph)},
+        "latency": WORST_CASE if any(element.worst_case_s is not None for element in graph.elements) else "",
+    }
+
+
+_FACTS = {
+    "type": "Type",
+    "call": "Calls",
+    "period_s": "Looks every",
+    "phase": "Phase",
+    "wakes": "Wakes",
+    "attributes": "Attributes",
+    "carries": "Label",
+    "results": "Results",
+}
+
+
+def _said(value: object) -> object:
+    return ", ".join(map(str, value)) if isinstance(value, list) else value
+
+
+def _node(element: Element) -> Mapping[str, object]:
+    facts = {_FACTS[name]: _said(value) for name, value in element.about.items() if name in _FACTS and value != []}
+    if "Looks every" in facts:
+        facts["Looks every"] = f"{facts['Looks every']:g} s"
+    return {
+        "id": element.id,
+        "kind": shown(element).value,
+        "name": element.name,
+        "label": label_of(element),
+        "spec": element.spec,
+        "group": element.group,
+        "place": f"{element.file}:{element.line}",
+        "description": visible(element.description),
+        "worst_case_s": element.worst_case_s,
+        "latency": latency_of(element),
+        "facts": facts,
+    }

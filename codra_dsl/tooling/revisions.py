@@ -1,0 +1,281 @@
+"""What a project held in a revision: spec files out of git's objects, in a folder of their own.
+
+Nothing is checked out, and nothing that the repository configures is run: neither hooks nor filters, monitors, pagers
+or transports. Symbolic links and submodules are not followed.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePath, PurePosixPath
+from typing import IO
+
+from codra_dsl.language.diagnostics import suggest
+from codra_dsl.language.project import SETTINGS
+
+__all__ = [
+    "Repository",
+    "RevisionError",
+]
+
+MAX_FILES = 20_000
+MAX_FILE_BYTES = 32 * 1024 * 1024
+MAX_TOTAL_BYTES = 512 * 1024 * 1024
+
+_GIT = (
+    *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
+    *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
+)
+# What is inherited could point git at another repository, or let it start a program.
+_CLEAN = {
+    "GIT_ALLOW_PROTOCOL": "none",
+    "GIT_NO_LAZY_FETCH": "1",
+    "GIT_OPTIONAL_LOCKS": "0",
+    "GIT_TERMINAL_PROMPT": "0",
+    "LC_ALL": "C",
+}
+_SUFFIXES = (".yaml", ".yml")
+_FILE_MODES = ("100644", "100755")
+_SUBMODULE_MODE = "160000"
+_NOT_READ = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
+_INCOMPLETE = "not all files of the revision are here: fetch them (git fetch --refetch --no-filter)"
+_STEPS = re.compile(r"[~^].*")
+_WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
+
+
+class RevisionError(Exception):
+    """A revision cannot be read; the message says why, and the way out."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A file in a tree of git."""
+
+    mode: str
+    object_name: str
+    path: PurePosixPath
+
+
+@dataclass(frozen=True, slots=True)
+class Repository:
+    """A git repository by its working folder, or its own one where it is bare."""
+
+    top: Path
+
+    @staticmethod
+    def around(path: Path) -> Repository:
+        """Return the repository that a path is in; the path itself need not exist.
+
+        Raises:
+            RevisionError: if there is none.
+        """
+        folder = next(each for each in (path, *path.parents) if each.is_dir())
+        is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
+        done = _run(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
+        if done.returncode != 0:
+            reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
+            trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
+            reason += trust if "dubious ownership" in reason else ""
+            raise RevisionError(f"'{folder}' is in no git repository that can be read: {reason}")
+        return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
+
+    def commit(self, name: str) -> str:
+        """Return the object name of a revision's commit.
+
+        Raises:
+            RevisionError: if there is no such revision.
+        """
+        if name.startswith("-"):
+            raise RevisionError(f"'{name}' is no revision: names of revisions do not begin with '-'")
+        if ".." in name:
+            raise RevisionError(f"'{name}' is a range: name both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
+        if ":" in name:
+            raise RevisionError(f"'{name}' is no revision: name the path after both versions")
+        found = self._verified(name)
+        if found is None:
+            help = self._way_out(name)
+            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({help})")
+        return found
+
+    def _verified(self, name: str) -> str | None:
+        done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
+        return done.stdout.decode().strip() if name and done.returncode == 0 else None
+
+    def holds(self, commit: str, path: PurePath) -> bool:
+        """Return whether there is a file or folder in a commit."""
+        return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
+
+    def changed(self, but: Path) -> Sequence[PurePosixPath]:
+        """Return what in the working folder differs from what is checked out, or is new there and not ignored.
+
+        Args:
+            but: a folder that does not count.
+
+        Raises:
+            RevisionError: if git cannot tell.
+        """
+        asked = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
+        done = _run((*self._without_filters(), "status", *asked), self.top)
+        if done.returncode != 0:
+            raise RevisionError(f"git cannot tell what was changed in '{self.top}'")
+        found = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
+        return [path for path in found if not (self.top / path).is_relative_to(but)]
+
+    def _without_filters(self) -> Iterator[str]:
+        """Yield settings by which no filter that the repository configures is run."""
+        done = _run(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
+        for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
+            if name.endswith((".clean", ".process")):
+                yield from ("-c", f"{name}=")
+            elif name.endswith(".required"):
+                yield from ("-c", f"{name}=false")
+
+    def extract(self, commit: str, below: PurePosixPath, into: Path) -> dict[PurePosixPath, str]:
+        """Write the spec files of a revision into a folder, under their paths in the repository.
+
+        Args:
+            commit: its object name.
+            below: the folder within the repository that is wanted.
+            into: an empty folder that nobody else writes to.
+
+        Returns:
+            What was not read and may hold specs, each with what it is: symbolic links and submodules.
+
+        Raises:
+            RevisionError: if it holds too much, or not everything is here.
+        """
+        found = tuple(self._entries(commit))
+        inside = [each for each in found if each.path.is_relative_to(below)]
+        wanted = [each for each in inside if each.mode in _FILE_MODES and each.path.name.endswith(_SUFFIXES)]
+        wanted += [each for each in found if each.path.name == SETTINGS and below.is_relative_to(each.path.parent)]
+        wanted += [each for each in inside if each.path.name == SETTINGS and each.path.parent != below]
+        written = self._write(dict.fromkeys(wanted), into)
+        named = set(_included(into / entry.path for entry in written))
+        others = [each for each in inside if each.mode in _FILE_MODES and os.fsencode(each.path.name) in named]
+        self._write(dict.fromkeys(each for each in others if each not in written), into)
+        return {
+            each.path: _NOT_READ[each.mode]
+            for each in inside
+            if each.mode in _NOT_READ and (each.path.name.endswith(_SUFFIXES) or each.mode == _SUBMODULE_MODE)
+        }
+
+    def _way_out(self, name: str) -> str:
+        start = _STEPS.sub("", name)
+        is_too_far = start != name and self._verified(start) is not None
+        if self._is_shallow() and (is_too_far or self._near(name) is None):
+            return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
+        if is_too_far:
+            return f"'{start}' is one, but has no '{name.removeprefix(start)}'"
+        near = self._near(name)
+        return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
+
+    def _near(self, name: str) -> str | None:
+        done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
+        names = ["HEAD", *os.fsdecode(done.stdout).split()]
+        remote = next((each for each in sorted(names) if each.endswith(f"/{name}")), None)
+        return remote or suggest(name, names)
+
+    def _is_shallow(self) -> bool:
+        return _run(("rev-parse", "--is-shallow-repository"), self.top).stdout.strip() == b"true"
+
+    def _entries(self, commit: str) -> Iterator[_Entry]:
+        done = _run(("ls-tree", "-r", "-z", "--full-tree", commit), self.top)
+        if done.returncode != 0:
+            raise RevisionError(_INCOMPLETE)
+        for line in done.stdout.split(b"\0"):
+            head, _, name = line.partition(b"\t")
+            fields = head.decode().split()
+            path = PurePosixPath(os.fsdecode(name))
+            if len(fields) == 3 and not path.is_absolute() and not {"..", ".git"} & set(path.parts):
+                yield _Entry(fields[0], fields[2], path)
+
+    def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
+        chosen = tuple(each for each in entries if each.mode in _FILE_MODES)
+        sizes = self._sizes(chosen) if len(chosen) <= MAX_FILES else None
+        if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
+            raise RevisionError("too much YAML to compare: name the specs that matter as PATH")
+        small = [each for each in chosen if sizes[each] <= MAX_FILE_BYTES]
+        for entry, data in zip(small, self._blobs([each.object_name for each in small]), strict=True):
+            target = into / entry.path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+        for entry in set(chosen) - set(small):  # as large, so that reading it says that it is too large
+            target = into / entry.path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with target.open("wb") as stream:
+                stream.truncate(MAX_FILE_BYTES + 1)
+        return chosen
+
+    def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
+        names = "".join(f"{each.object_name}\n" for each in entries)
+        done = _run(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
+        sizes = done.stdout.split(b"\n")[: len(entries)]
+        if not all(size.isdigit() for size in sizes):
+            raise RevisionError(_INCOMPLETE)
+        return {each: int(size) for each, size in zip(entries, sizes, strict=True)}
+
+    def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
+        if not object_names:
+            return
+        command = (*_GIT, "cat-file", "--batch")
+        process = subprocess.Popen(
+            command,
+            cwd=self.top,
+            env=_environment(),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        with process:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            try:
+                for name in object_names:
+                    process.stdin.write(f"{name}\n".encode())
+                    process.stdin.flush()
+                    yield _blob(process.stdout)
+            finally:
+                process.stdin.close()
+                process.stdout.close()
+
+
+def _blob(stream: IO[bytes]) -> bytes:
+    fields = stream.readline().split()
+    if len(fields) != 3 or fields[1] != b"blob":
+        raise RevisionError(_INCOMPLETE)
+    size = int(fields[2])
+    data = stream.read(size + 1)
+    return data[:size]
+
+
+def _included(files: Iterable[Path]) -> Iterator[bytes]:
+    """Yield the words of files that name others: parts that do not end as YAML files do, and files of trees."""
+    for file in files:
+        data = file.read_bytes()
+        if b"codra" in data and (b"include" in data or b"trees" in data):
+            yield from _WORDS.findall(data)
+
+
+def _run(arguments: Sequence[str], folder: Path, text: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    try:
+        return subprocess.run(
+            (*_GIT, *arguments),
+            cwd=folder,
+            env=_environment(),
+            input=text,
+            capture_output=True,
+            check=False,
+        )
+    except FileNotFoundError as error:
+        raise RevisionError("git is not installed: compare two folders instead") from error
+    except (OSError, ValueError) as error:
+        raise RevisionError(f"git cannot be run: {error}") from error
+
+
+def _environment() -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")} | _CLEAN

@@ -1,0 +1,16 @@
+"""What `codra init` writes: a project that lints, compiles, type-checks and runs its tests at once."""
+
+from __future__ import annotations
+
+from codra_dsl.tooling.scaffold.files import conflicts, installed_requirement, starter_texts, write_new
+from codra_dsl.tooling.scaffold.names import ImproperNameError, name_from_folder, require_name
+
+__all__ = [
+    "ImproperNameError",
+    "conflicts",
+    "installed_requirement",
+    "name_from_folder",
+    "require_name",
+    "starter_texts",
+    "write_new",
+]

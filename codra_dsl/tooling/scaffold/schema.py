@@ -1,0 +1,38 @@
+"""The copy of the schema that a project's editors read.
+
+It is checked in, so that an editor needs nothing that is installed. `codra compile` keeps it fresh wherever it is, and
+`codra compile --check` finds it stale.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from codra_dsl.generation.output import about_output
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.project import SCHEMA_COPY, SCHEMA_FILE, has_stale_schema
+
+
+def judge_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Return a finding when a project's copy of the schema is not the one of this version; nothing is written."""
+    if not has_stale_schema(root):
+        return ()
+    message = f"'{SCHEMA_COPY}' is not the schema of this version of codra"
+    return (about_output("stale-output", SCHEMA_COPY, message, help="renew it with 'codra compile'"),)
+
+
+def renew_schema(root: Path) -> tuple[Diagnostic, ...]:
+    """Replace a project's copy of the schema at once where it is stale; return a finding when that is not possible."""
+    copy = root / SCHEMA_COPY
+    if not has_stale_schema(root):
+        return ()
+    try:
+        with tempfile.TemporaryDirectory(prefix=".codra-", dir=copy.parent) as staging:
+            staged = Path(staging) / copy.name
+            staged.write_bytes(SCHEMA_FILE.read_bytes())
+            staged.replace(copy)
+    except OSError as error:
+        message = f"cannot write '{SCHEMA_COPY}': {error.strerror}"
+        return (about_output("cannot-write", SCHEMA_COPY, message, help="check the permissions, or remove it"),)
+    return ()

@@ -1,0 +1,259 @@
+"""Which part of a graph is meant: selectors as in dbt.
+
+    selector  = part { " " part }                   together: what any part means
+    part      = term { "," term }                   what all terms mean at once
+    term      = [ "@" | [N] "+" ] names [ "+" [N] ]
+    names     = pattern | METHOD ":" pattern
+
+`+x` is x with all that it needs, `x+` with all that needs it, `2+x` goes two steps back only, and `@x` is x with all
+that needs it and all that these need. A pattern is a name, or has `*`, `?` and `[...]` in it; with a `/` in it, it is
+about the whole id.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+
+from codra_dsl.language.diagnostics import suggest
+
+Edge = tuple[str, str]
+"""A need and who needs it, by their ids."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """A node that can be chosen.
+
+    Attributes:
+        id: its whole name, with `/`.
+        label: what people read in its place.
+        file: where it is declared.
+        use: the use of a template that made it, or nothing.
+    """
+
+    id: str
+    name: str
+    kind: str
+    label: str
+    file: str
+    use: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """A graph from which something can be chosen.
+
+    Attributes:
+        kinds: all that there can be, be there a node of it or not.
+        absent: names that are declared but are no nodes.
+    """
+
+    nodes: Sequence[Choice]
+    edges: Iterable[Edge]
+    kinds: Sequence[str]
+    absent: frozenset[str] = frozenset()
+
+
+class SelectorError(ValueError):
+    """A selector that cannot be read, or names nothing that there is.
+
+    Attributes:
+        column: where in its text, from 1.
+    """
+
+    def __init__(self, message: str, text: str, start: int, length: int = 1) -> None:
+        super().__init__(message)
+        self.column = start + 1
+        self._text = text
+        self._length = max(1, length)
+
+    def __str__(self) -> str:
+        """Return the message with the selector below it, marked where it is wrong."""
+        shown = "".join(letter if letter.isprintable() else " " for letter in self._text)
+        marks = " " * (self.column - 1) + "^" * self._length
+        return f"{self.args[0]} (column {self.column})\n  {shown}\n  {marks}"
+
+
+def select(choices: Choices, wanted: Sequence[str], unwanted: Sequence[str] = ()) -> frozenset[str]:
+    """Return the ids of the nodes that any of some selectors means, without those that others mean.
+
+    Args:
+        choices: the graph.
+        wanted: selectors; all nodes if there is none.
+        unwanted: selectors.
+
+    Raises:
+        SelectorError: if one cannot be read, or names nothing that there is.
+    """
+    search = _Search(choices)
+    everything = frozenset(node.id for node in choices.nodes)
+    chosen = frozenset().union(*map(search.meant_by, wanted)) if wanted else everything
+    return chosen.difference(*map(search.meant_by, unwanted))
+
+
+_EVERY = 10**9
+"""More steps than any graph has."""
+
+_TERM = re.compile(
+    r"(?P<around>@)?(?:(?P<needs>[0-9]*)\+)?(?:(?P<method>[^:,+@\s]*):)?(?P<pattern>[^:,+@\s]*)(?:(?P<needed>\+)(?P<by>[0-9]*))?"
+)
+_GLOB = re.compile(r"[*?\[]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Term:
+    """What stands between commas; numbers are steps to go.
+
+    Attributes:
+        start: where its pattern begins in the selector.
+        around: whether what is needed by all that needs it is meant as well.
+    """
+
+    text: str
+    start: int
+    method: str | None
+    pattern: str
+    needs: int
+    needed_by: int
+    around: bool
+
+    def error(self, message: str) -> SelectorError:
+        """Return an error that marks the pattern."""
+        return SelectorError(message, self.text, self.start, len(self.pattern))
+
+
+def _terms(text: str) -> Iterator[list[_Term]]:
+    """Yield the parts of a selector as lists of terms."""
+    parts = list(re.finditer(r"\S+", text))
+    if not parts:
+        raise SelectorError("the selector is empty", text, 0)
+    for part in parts:
+        starts = [part.start(), *(part.start() + comma.end() for comma in re.finditer(",", part[0]))]
+        yield [_term(text, start) for start in starts]
+
+
+def _term(text: str, start: int) -> _Term:
+    match = _TERM.match(text, start)
+    assert match is not None  # every piece of it may be empty
+    at, end = match.start("pattern"), match.end()
+    if not match["pattern"]:
+        raise SelectorError("a name is missing; a selector has no blanks around '+' and ','", text, min(at, len(text)))
+    if end < len(text) and text[end] != "," and not text[end].isspace():
+        raise SelectorError(f"{text[end]!r} has no place here", text, end)
+    if match["around"] and (match["needs"] is not None or match["needed"]):
+        where = match.start("needed") if match["needed"] else match.end("around")
+        raise SelectorError("'@' already goes both ways: leave out the '+'", text, where)
+    return _Term(
+        text=text,
+        start=at,
+        method=match["method"],
+        pattern=match["pattern"],
+        needs=_steps(match["needs"]),
+        needed_by=_steps(match["by"]),
+        around=match["around"] is not None,
+    )
+
+
+def _steps(digits: str | None) -> int:
+    """Return how many steps to go: none without a `+`, all where no number stands beside it."""
+    if digits is None:
+        return 0
+    return int(digits) if digits and len(digits) < len(str(_EVERY)) else _EVERY
+
+
+class _Search:
+    """Finds what selectors mean in one graph."""
+
+    def __init__(self, choices: Choices) -> None:
+        self._choices = choices
+        self._needs: dict[str, list[str]] = {}
+        self._needed_by: dict[str, list[str]] = {}
+        for need, user in choices.edges:
+            self._needs.setdefault(user, []).append(need)
+            self._needed_by.setdefault(need, []).append(user)
+        self._methods: Mapping[str, Callable[[_Term], frozenset[str]]] = {
+            "kind": self._by_kind,
+            "file": self._by_file,
+            "use": self._by_use,
+        }
+
+    def meant_by(self, text: str) -> frozenset[str]:
+        """Return the ids that a selector means."""
+        parts = [[self._extended(term) for term in terms] for terms in _terms(text)]
+        return frozenset().union(*(frozenset.intersection(*part) for part in parts))
+
+    def _extended(self, term: _Term) -> frozenset[str]:
+        named = self._by_name(term) if term.method is None else self._method(term, term.method)(term)
+        if term.around:
+            return _within(self._needs, _within(self._needed_by, named, _EVERY), _EVERY)
+        return _within(self._needs, named, term.needs) | _within(self._needed_by, named, term.needed_by)
+
+    def _by_name(self, term: _Term) -> frozenset[str]:
+        is_whole = "/" in term.pattern
+        keys = ((node.id if is_whole else node.name, node.id) for node in self._choices.nodes)
+        return self._matching(term, keys, self._way_out_of_name)
+
+    def _by_kind(self, term: _Term) -> frozenset[str]:
+        kinds = self._choices.kinds
+        if not any(fnmatchcase(kind, term.pattern) for kind in kinds):
+            raise term.error(f"there is no kind {term.pattern!r}: {_one_of(term.pattern, kinds)}")
+        return frozenset(node.id for node in self._choices.nodes if fnmatchcase(node.kind, term.pattern))
+
+    def _by_file(self, term: _Term) -> frozenset[str]:
+        return self._matching(term, ((node.file, node.id) for node in self._choices.nodes), self._way_out_of_value)
+
+    def _by_use(self, term: _Term) -> frozenset[str]:
+        keys = ((node.use, node.id) for node in self._choices.nodes if node.use)
+        return self._matching(term, keys, self._way_out_of_value)
+
+    def _matching(
+        self, term: _Term, keys: Iterable[tuple[str, str]], help: Callable[[_Term, Sequence[str]], str]
+    ) -> frozenset[str]:
+        """Return the ids whose key a pattern matches; a pattern that matches nothing is a mistake."""
+        pairs = list(keys)
+        is_glob = _GLOB.search(term.pattern) is not None
+        found = frozenset(
+            name for key, name in pairs if (fnmatchcase(key, term.pattern) if is_glob else key == term.pattern)
+        )
+        if not found and is_glob:
+            raise term.error(f"nothing matches {term.pattern!r}")
+        if not found:
+            known = list(dict.fromkeys(key for key, _ in pairs))
+            raise term.error(f"nothing is called {term.pattern!r}{help(term, known)}")
+        return found
+
+    def _way_out_of_name(self, term: _Term, known: Sequence[str]) -> str:
+        labelled = [node.name for node in self._choices.nodes if node.label.casefold() == term.pattern.casefold()]
+        if labelled:
+            return f": that is the label of '{labelled[0]}'"
+        if term.pattern in self._choices.absent:
+            return " in the graph: it is declared, but no decision needs it"
+        return self._way_out_of_value(term, known)
+
+    def _way_out_of_value(self, term: _Term, known: Sequence[str]) -> str:
+        near = suggest(term.pattern, known)
+        return f" (did you mean '{near}'?)" if near else ""
+
+    def _method(self, term: _Term, name: str) -> Callable[[_Term], frozenset[str]]:
+        if name not in self._methods:
+            message = f"there is no method {name!r}: {_one_of(name, tuple(self._methods))}"
+            raise SelectorError(message, term.text, term.start - len(name) - 1, len(name))
+        return self._methods[name]
+
+
+def _one_of(given: str, allowed: Sequence[str]) -> str:
+    near = suggest(given, allowed)
+    return f"did you mean '{near}'?" if near else f"take one of {', '.join(allowed)}"
+
+
+def _within(neighbours: Mapping[str, Sequence[str]], start: frozenset[str], steps: int) -> frozenset[str]:
+    """Return what can be reached in so many steps, the start included."""
+    reached, edge = set(start), start
+    while edge and steps:
+        edge = frozenset(other for name in edge for other in neighbours.get(name, ())) - reached
+        reached |= edge
+        steps -= 1
+    return frozenset(reached)

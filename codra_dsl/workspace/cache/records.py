@@ -1,0 +1,91 @@
+"""Findings as plain data and back. What was read is looked at before it is believed: a cache may hold anything."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from codra_dsl.language.diagnostics import Applicability, Diagnostic, Edit, Fix, Place, Related, Rule, Severity, Span
+
+
+def record_of(found: Diagnostic) -> dict[str, object]:
+    """Return a finding as plain data."""
+    return {
+        "rule": [found.rule.code, found.rule.name, found.rule.severity],
+        "message": found.message,
+        "place": _of_place(found.place),
+        "path": found.path,
+        "help": found.help,
+        "related": [[each.message, _of_place(each.place)] for each in found.related],
+        "fix": None if found.fix is None else _of_fix(found.fix),
+        "level": found.level,
+        "each_use": [record_of(each) for each in found.per_use],
+    }
+
+
+def finding_from(record: Any) -> Diagnostic:
+    """Return a finding from plain data.
+
+    Raises:
+        TypeError, ValueError, LookupError: if they are not those of one.
+    """
+    code, name, severity = texts_from(record["rule"])
+    level = record["level"]
+    return Diagnostic(
+        rule=Rule(code=code, name=name, severity=Severity(severity)),
+        message=text_from(record["message"]),
+        place=_place(record["place"]),
+        path=text_from(record["path"]),
+        help=text_from(record["help"]),
+        related=tuple(Related(text_from(message), _place(place)) for message, place in record["related"]),
+        fix=None if record["fix"] is None else _fix(record["fix"]),
+        level=None if level is None else Severity(text_from(level)),
+        per_use=tuple(map(finding_from, record["each_use"])),
+    )
+
+
+def text_from(value: object) -> str:
+    """Return a value that must be a text."""
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def texts_from(values: object) -> tuple[str, ...]:
+    """Return values that must be a list of texts."""
+    if not isinstance(values, list):
+        raise TypeError
+    return tuple(map(text_from, values))
+
+
+def _of_place(place: Place) -> list[object]:
+    return [_of_span(place.span), None if place.use is None else _of_span(place.use)]
+
+
+def _place(record: Any) -> Place:
+    span, use = record
+    return Place(_span(span), None if use is None else _span(use))
+
+
+def _of_span(span: Span) -> list[object]:
+    return [span.file, span.line, span.column, span.end_line, span.end_column]
+
+
+def _span(record: Any) -> Span:
+    file, *numbers = record
+    line, column, end_line, end_column = numbers
+    if any(type(number) is not int or number < 1 for number in numbers):
+        raise TypeError
+    return Span(text_from(file), line, column, end_line, end_column)
+
+
+def _of_fix(fix: Fix) -> dict[str, object]:
+    edits = [[_of_span(edit.span), edit.text] for edit in fix.edits]
+    return {"message": fix.message, "edits": edits, "applicability": fix.applicability}
+
+
+def _fix(record: Any) -> Fix:
+    return Fix(
+        message=text_from(record["message"]),
+        edits=tuple(Edit(_span(span), text_from(text)) for span, text in record["edits"]),
+        applicability=Applicability(text_from(record["applicability"])),
+    )

@@ -1,0 +1,26 @@
+"""What a project wants to hear: its settings, comments that silence findings, and fixes.
+
+Errors of phases 0 to 6 are binding: neither settings nor comments take them away, for nothing compiles with them.
+"""
+
+from codra_dsl.workspace.suppression.fixing import Fixed, fix_all
+from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_code
+from codra_dsl.workspace.suppression.settings import Settings, settings_of
+from codra_dsl.workspace.suppression.suppressions import Sources, read_sources, triaged
+from codra_dsl.workspace.suppression.writing import rewritable, rewrite, unified
+
+__all__ = [
+    "RULES",
+    "Fixed",
+    "Settings",
+    "Sources",
+    "fix_all",
+    "known_rules",
+    "nearest_code",
+    "read_sources",
+    "rewritable",
+    "rewrite",
+    "settings_of",
+    "triaged",
+    "unified",
+]

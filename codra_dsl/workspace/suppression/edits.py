@@ -1,0 +1,87 @@
+"""Edits on the bytes of a file: what no edit covers stays as it is, byte for byte."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from codra_dsl.language.diagnostics import Edit
+
+_BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
+_LINE_BREAK = re.compile(r"\r\n|\r|\n")
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Splice:
+    """A range of a text, in code points, and what stands there after an edit."""
+
+    start: int
+    end: int
+    text: str
+
+    def meets(self, other: Splice) -> bool:
+        """Return whether two splices are about the same letters or insert at the same place."""
+        if self.start == self.end or other.start == other.end:
+            return self.start <= other.end and other.start <= self.end
+        return self.start < other.end and other.start < self.end
+
+
+@dataclass(frozen=True, slots=True)
+class EditableText:
+    """A file's text as edits see it: lines and columns as in findings, the byte order mark in front of all.
+
+    Attributes:
+        line_break: what ends its first line; edits that add lines end them so.
+    """
+
+    text: str
+    line_starts: tuple[int, ...]
+    line_break: str
+
+    def splice(self, edit: Edit) -> Splice | None:
+        """Return where an edit takes place; None where the text has no such range."""
+        start = self._offset(edit.span.line, edit.span.column)
+        end = self._offset(edit.span.end_line, edit.span.end_column)
+        if start is None or end is None or end < start:
+            return None
+        return Splice(start, end, edit.text.replace("\n", self.line_break))
+
+    def _offset(self, line: int, column: int) -> int | None:
+        if not 1 <= line <= len(self.line_starts) or column < 1:
+            return None
+        end = self.line_starts[line] if line < len(self.line_starts) else len(self.text)
+        offset = self.line_starts[line - 1] + column - 1
+        return offset if offset <= end else None
+
+    def after(self, splices: Iterable[Splice]) -> bytes:
+        """Return the file's bytes after splices that do not meet."""
+        pieces: list[str] = []
+        at = 0
+        for splice in sorted(splices):
+            pieces += [self.text[at : splice.start], splice.text]
+            at = splice.end
+        return "".join([*pieces, self.text[at:]]).encode()
+
+
+def editable(data: bytes) -> EditableText | None:
+    """Return a file's bytes as a text that can be edited; None where they are no UTF-8."""
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError:
+        return None
+    first = len(_BYTE_ORDER_MARK) if text.startswith(_BYTE_ORDER_MARK) else 0
+    breaks = list(_LINE_BREAK.finditer(text))
+    starts = (first, *(each.end() for each in breaks))
+    return EditableText(text, starts, breaks[0][0] if breaks else "\n")
+
+
+def splices_of(edits: Sequence[Edit], text: EditableText) -> tuple[Splice, ...] | None:
+    """Return where edits of one file take place; None where one cannot, or two of them meet."""
+    found = [text.splice(edit) for edit in edits]
+    splices = sorted(splice for splice in found if splice is not None)
+    if len(splices) < len(edits):
+        return None
+    meeting = any(one.meets(other) for one, other in pairwise(splices))
+    return None if meeting else tuple(splices)

@@ -1,0 +1,44 @@
+"""The kinds of finding about settings and suppression comments, and all kinds that a run can have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+from codra_dsl.generation import output
+from codra_dsl.language import behavior_trees as trees
+from codra_dsl.language import check, fuzzy, load
+from codra_dsl.language.diagnostics import Rule, Severity, rules, suggest
+
+RULES = rules(
+    ("CDR0020", "unreadable-settings", Severity.ERROR),
+    ("CDR0021", "unknown-setting", Severity.ERROR),
+    ("CDR0022", "unknown-code-in-settings", Severity.ERROR),
+    ("CDR0023", "wrong-setting", Severity.ERROR),
+    ("CDR0024", "repeated-code", Severity.WARNING),
+    ("CDR0025", "binding-code-in-settings", Severity.ERROR),
+    ("CDR7901", "unused-suppression", Severity.WARNING),
+    ("CDR7902", "suppression-without-reason", Severity.ERROR),
+    ("CDR7903", "unknown-code-suppressed", Severity.WARNING),
+    ("CDR7904", "binding-code-suppressed", Severity.WARNING),
+    ("CDR7905", "ill-formed-suppression", Severity.WARNING),
+)
+
+OWN_PREFIX = "CDR79"
+"""What the codes of findings about comments begin with: no comment silences those."""
+
+
+@cache
+def known_rules() -> Mapping[str, Rule]:
+    """Return every rule that can make a finding about specs, trees and fuzzy engines, by code."""
+    tables = (load.RULES, fuzzy.RULES, trees.RULES, check.RULES, output.RULES, RULES)
+    return {rule.code: rule for table in tables for rule in table.values()}
+
+
+def nearest_code(written: str) -> str | None:
+    """Return the code that is probably meant: that of a rule's name, else a similar one."""
+    named = {code.casefold(): code for code in known_rules()}
+    named |= {rule.name: code for code, rule in known_rules().items()}
+    same = written.casefold()
+    near = same if same in named else suggest(same, named)
+    return None if near is None else named[near]

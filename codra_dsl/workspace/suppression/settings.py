@@ -1,0 +1,212 @@
+"""`[tool.codra.lint]` in a project's `pyproject.toml`: data only. What is wrong in it is a finding with its place."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, suggest
+from codra_dsl.language.project import SETTINGS, settings_in
+from codra_dsl.workspace.suppression.rules import RULES, known_rules, nearest_code
+from codra_dsl.workspace.suppression.toml_places import Steps, TomlPlaces
+
+_BYTE_ORDER_MARK = "\N{ZERO WIDTH NO-BREAK SPACE}"
+_TABLE = ("tool", "codra", "lint")
+_KEYS = ("select", "ignore", "severity", "fail-on")
+_TABLES_OF_OURS = ("lint",)
+_PREFIX = re.compile(r"CDR[0-9]{0,4}")
+_POSITION = re.compile(r" \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)$")
+_SEVERITIES = {severity.value: severity for severity in Severity}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What a project wants to hear about its specs.
+
+    Of several codes and prefixes that fit a rule the longest counts; `ignore` wins over an equal one in `select`.
+
+    Attributes:
+        select: codes and prefixes of what is reported.
+        ignore: codes and prefixes of what is not.
+        severity: by code or prefix, how bad it is, in place of what the rule says.
+        fail_on: the least severity that makes a command fail.
+    """
+
+    select: tuple[str, ...] = ("CDR",)
+    ignore: tuple[str, ...] = ()
+    severity: Mapping[str, Severity] = field(default_factory=dict)
+    fail_on: Severity = Severity.ERROR
+
+    def wants(self, rule: Rule) -> bool:
+        """Return whether findings of a rule are reported; binding ones always are."""
+        return rule.is_binding or _longest(self.select, rule.code) > _longest(self.ignore, rule.code)
+
+    def level(self, rule: Rule) -> Severity:
+        """Return how bad findings of a rule are; binding ones are errors whatever the settings say."""
+        if rule.is_binding:
+            return rule.severity
+        fitting = [prefix for prefix in self.severity if rule.code.startswith(prefix)]
+        return self.severity[max(fitting, key=len)] if fitting else rule.severity
+
+
+def _longest(prefixes: Iterable[str], code: str) -> int:
+    return max((len(prefix) for prefix in prefixes if code.startswith(prefix)), default=-1)
+
+
+def settings_of(root: Path) -> tuple[Settings, tuple[Diagnostic, ...]]:
+    """Return the settings of a project, as far as they can be understood, and what is wrong with them."""
+    data = settings_in(root)
+    if data is None:
+        return Settings(), ()
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8", "replace")
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        return Settings(), (_unreadable(f"the byte 0x{data[error.start]:02x} is no UTF-8", line, column),)
+    if text.startswith(_BYTE_ORDER_MARK):
+        return Settings(), (_unreadable("it begins with a byte order mark, which cannot be seen", 1, 1),)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        return Settings(), (_no_toml(str(error), text),)
+    except RecursionError:
+        return Settings(), (_unreadable("it is nested too deeply", 1, 1),)
+    reading = _Reading(document, text)
+    return reading.settings(), tuple(reading.found)
+
+
+def _no_toml(complaint: str, text: str) -> Diagnostic:
+    position = _POSITION.search(complaint)
+    what = complaint[: position.start()] if position else complaint
+    if position is None or position["line"] is None:
+        return _unreadable(what, text.count("\n") + 1, len(text) - text.rfind("\n"))
+    return _unreadable(what, int(position["line"]), int(position["column"]))
+
+
+def _unreadable(what: str, line: int, column: int) -> Diagnostic:
+    return Diagnostic(
+        rule=RULES["unreadable-settings"],
+        message=f"'{SETTINGS}' is no TOML: {what}",
+        place=Place(Span(SETTINGS, line, column, line, column)),
+        path="tool.codra",
+        help="correct it there; a key stands once in its table",
+    )
+
+
+class _Reading:
+    """Reads the settings from a document. `found` has what is wrong with them."""
+
+    def __init__(self, document: Mapping[str, object], text: str) -> None:
+        self.found: list[Diagnostic] = []
+        self._places = TomlPlaces(SETTINGS, text)
+        tool = document.get("tool")
+        self._codra = tool.get("codra", {}) if isinstance(tool, dict) else {}
+
+    def settings(self) -> Settings:
+        """Return the settings as far as they are right."""
+        codra = self._table(self._codra, _TABLES_OF_OURS, _TABLE[:2])
+        lint = self._table(codra.get("lint", {}), _KEYS, _TABLE)
+        read = {key: self._codes(key, lint[key]) for key in ("select", "ignore") if key in lint}
+        self._contradictions(read)
+        severity = self._severities(lint.get("severity", {}))
+        fail_on = self._severity("'fail-on'", lint["fail-on"], "fail-on") if "fail-on" in lint else None
+        return Settings(
+            select=read.get("select", ("CDR",)),
+            ignore=read.get("ignore", ()),
+            severity=severity,
+            fail_on=fail_on or Severity.ERROR,
+        )
+
+    def _add(self, rule: str, message: str, help: str, place: Place, *steps: str | int) -> None:
+        path = ".".join(map(str, steps))
+        self.found.append(Diagnostic(rule=RULES[rule], message=message, place=place, path=path, help=help))
+
+    def _wrong(self, message: str, help: str, steps: Steps) -> None:
+        self._add("wrong-setting", message, help, self._places.value(*steps), *steps)
+
+    def _table(self, table: object, known: Iterable[str], steps: Steps) -> Mapping[str, object]:
+        """Return a table, empty where it is none, and report keys that nobody knows."""
+        header = f"[{'.'.join(map(str, steps))}]"
+        if not isinstance(table, dict):
+            self._wrong(f"{header} must be a table", f"write {header} on a line of its own", steps)
+            return {}
+        for key in table:
+            if key not in known:
+                near = suggest(key.replace("_", "-"), known)
+                near = key.replace("_", "-") if key.replace("_", "-") in known else near
+                help = f"did you mean '{near}'?" if near else f"known are {', '.join(known)}"
+                message = f"unknown key '{key}' in {header}"
+                self._add("unknown-setting", message, help, self._places.key(*steps, key), *steps, key)
+        return table
+
+    def _codes(self, key: str, value: object) -> tuple[str, ...]:
+        """Return the codes and prefixes in a list, as far as they are right."""
+        if not isinstance(value, list):
+            self._wrong(f"'{key}' must be a list of codes", f'write {key} = ["CDR7102"]', (*_TABLE, key))
+            return ()
+        right: list[str] = []
+        for index, item in enumerate(value):
+            steps = (*_TABLE, key, index)
+            if item in right:
+                place = self._places.value(*steps)
+                self._add("repeated-code", f"'{item}' stands twice in '{key}'", "remove one of them", place, *steps)
+            elif self._is_code(item, steps, way="ignored" if key == "ignore" else ""):
+                right.append(str(item))
+        return tuple(right)
+
+    def _is_code(self, item: object, steps: Steps, *, way: str) -> bool:
+        """Report what is no code or prefix of one; `way` says what cannot be done to those that are binding."""
+        if not isinstance(item, str):
+            self._wrong("a code is a text", 'write "CDR7102", or a prefix such as "CDR71"', steps)
+            return False
+        fitting = [rule for code, rule in known_rules().items() if code.startswith(item)]
+        place = self._places.value(*steps) if isinstance(steps[-1], int) else self._places.key(*steps)
+        if not fitting or not _PREFIX.fullmatch(item):
+            near = nearest_code(item)
+            help = f"did you mean '{near}'?" if near else "a code is CDR and four digits; a prefix is its beginning"
+            self._add("unknown-code-in-settings", f"there is no code '{item}'", help, place, *steps)
+            return False
+        if way and all(rule.is_binding for rule in fitting):
+            what = f"'{item}' is an error" if len(item) == len("CDR0000") else f"'{item}' are errors"
+            message = f"{what} without which nothing compiles, and cannot be {way}"
+            self._add("binding-code-in-settings", message, "remove it; correct the spec", place, *steps)
+            return False
+        return True
+
+    def _contradictions(self, read: Mapping[str, tuple[str, ...]]) -> None:
+        twice = Counter(code for codes in read.values() for code in codes)
+        for index, code in enumerate(read.get("ignore", ())):
+            if twice[code] > 1:
+                place = self._places.value(*_TABLE, "ignore", index)
+                message = f"'{code}' stands in 'select' and in 'ignore', which wins"
+                self._add("repeated-code", message, "remove one of them", place, *_TABLE, "ignore", index)
+
+    def _severities(self, value: object) -> dict[str, Severity]:
+        if not isinstance(value, dict):
+            help = 'write severity = {CDR7102 = "error"}'
+            self._wrong("'severity' must be a table from codes to severities", help, (*_TABLE, "severity"))
+            return {}
+        return dict(self._leveled(value))
+
+    def _leveled(self, table: Mapping[str, object]) -> Iterator[tuple[str, Severity]]:
+        for code, written in table.items():
+            severity = self._severity(f"the severity of '{code}'", written, "severity", code)
+            lowered = "lowered" if severity is Severity.WARNING else ""
+            if severity is not None and self._is_code(code, (*_TABLE, "severity", code), way=lowered):
+                yield code, severity
+
+    def _severity(self, what: str, written: object, *steps: str) -> Severity | None:
+        if isinstance(written, str) and written in _SEVERITIES:
+            return _SEVERITIES[written]
+        near = suggest(written, _SEVERITIES) if isinstance(written, str) else None
+        help = (
+            f"did you mean '{near}'?" if near else 'write "error" or "warning"; what is not wanted goes to \'ignore\''
+        )
+        shown = f"'{written}'" if isinstance(written, str) else f"a {type(written).__name__}"
+        self._wrong(f"{what} cannot be {shown}", help, (*_TABLE, *steps))
+        return None

@@ -1,0 +1,100 @@
+"""Puts fixed texts into their files: at once or not at all, owner and mode as they were, never out of the project."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import os
+import re
+import stat
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from codra_dsl.generation.output import about_output
+from codra_dsl.language.diagnostics import Diagnostic
+from codra_dsl.language.load.yaml.source import MAX_BYTES
+
+_LINES = re.compile(r"[^\n]*\n|[^\n]+")
+
+
+def rewritable(files: Iterable[str], root: Path) -> dict[str, bytes]:
+    """Return what those of some files hold that may be rewritten: that are there, in the project, and not too large."""
+    found = ((file, _text(file, root)) for file in files)
+    return {file: data for file, data in found if data is not None}
+
+
+def _text(file: str, root: Path) -> bytes | None:
+    try:
+        path = _inside(file, root)
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= MAX_BYTES else None
+    except (OSError, ValueError, RuntimeError):
+        return None
+
+
+def rewrite(file: str, root: Path, before: bytes, after: bytes) -> Diagnostic | None:
+    """Replace a file's bytes, unless it holds others than those that were fixed; return a finding where that fails."""
+    try:
+        path = _inside(file, root)
+        if path.read_bytes() != before:
+            return _unwritten(file, "it has changed in the meantime")
+        _replace(path, after)
+    except OSError as error:
+        return _unwritten(file, error.strerror or "it cannot be replaced")
+    except (ValueError, RuntimeError):
+        return _unwritten(file, "it is a link that leads out of the project")
+    return None
+
+
+def unified(before: bytes, after: bytes, file: str) -> str:
+    """Return the difference between two texts of a file in unified form; lines keep the ends that they have."""
+    old, new = (_LINES.findall(data.decode("utf-8", "replace")) for data in (before, after))
+    name = _quoted(file)
+    lines = difflib.unified_diff(old, new, name, name)
+    return "".join(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n" for line in lines)
+
+
+def _quoted(file: str) -> str:
+    """Return a file's name as git and patch write it: letters that could end it stand as bytes, in quotes."""
+    if file.isprintable() and not set('"\\') & set(file):
+        return f"{file}\t" if " " in file else file
+    plain = frozenset(range(0x20, 0x7F)) - frozenset(b'"\\')
+    letters = (chr(byte) if byte in plain else f"\\{byte:03o}" for byte in os.fsencode(file))
+    return f'"{"".join(letters)}"'
+
+
+def _unwritten(file: str, reason: str) -> Diagnostic:
+    help = "check its permissions, and fix it again"
+    return about_output("cannot-write", file, f"cannot write '{file}': {reason}", help=help)
+
+
+def _inside(file: str, root: Path) -> Path:
+    """Return a file where it really stands.
+
+    Raises:
+        ValueError: if that is outside the project.
+    """
+    path = (root / file).resolve(strict=True)
+    path.relative_to(root.resolve())
+    return path
+
+
+def _replace(path: Path, data: bytes) -> None:
+    was = path.stat()
+    if not os.access(path, os.W_OK):
+        raise PermissionError(None, "it is write-protected")
+    descriptor, name = tempfile.mkstemp(prefix=".codra-", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary = Path(name)
+        with contextlib.suppress(OSError):  # only the superuser can give files away
+            os.chown(temporary, was.st_uid, was.st_gid)
+        temporary.chmod(stat.S_IMODE(was.st_mode))
+        temporary.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            Path(name).unlink()
+        raise

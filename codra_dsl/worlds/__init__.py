@@ -1,1 +1,0 @@
-"""Simulated worlds with ground truth: examples of a robot's own code around its observers."""

@@ -1,0 +1,1 @@
+"""The commands and worlds of the papers, which `codra` finds by their entry points."""

@@ -1,0 +1,106 @@
+"""The world `lab` of `codra run`: a spec's observers in the simulated laboratory, scored against its ground truth."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import ExitCode, made_folder, say, writable_journal, write_result
+from codra_dsl.cli.worlds import RunRequest
+
+if TYPE_CHECKING:
+    from codra_dsl.language.model import Spec
+    from codra_papers.experiments.lab.run import LabRun, LabSettings
+
+Naive = Annotated[
+    bool,
+    typer.Option(
+        "--naive",
+        help="Add an arm without conditions that looks again at once; with --journal FILE it has a journal of its own, "
+        "FILE's name with .naive in it.",
+    ),
+]
+
+CONTEXT_DRIVEN = "context-driven"
+"""The arm that answers the main execution."""
+
+
+def lab(request: RunRequest, *, naive: Naive = False) -> None:
+    """A laboratory in which a mobile manipulator tends two machines (P1).
+
+    Without --for, the robot completes one sample-processing loop. Without --out, pictures and records go to
+    runs/NAME-seed-SEED.
+    """
+    from codra_papers.experiments.campaign.interrupts import interrupts_held_back
+
+    try:
+        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+            from codra_papers.experiments import pacing
+            from codra_papers.experiments.lab import run
+            from codra_papers.experiments.lab.arms import NAIVE
+    except ModuleNotFoundError as error:
+        say(f"codra: 'run' needs {error.name}: pip install 'codra-papers[lab]'")
+        raise typer.Exit(ExitCode.FAILED) from error
+
+    spec, journal = request.spec, request.journal
+    require_lab_spec(spec)
+    settings = run.LabSettings(
+        seed=request.seed,
+        duration_s=request.duration_s,
+        work=run.OneLoop() if request.duration_s is None else run.Loops(),
+        answering=CONTEXT_DRIVEN,
+        pace=pacing.Pace(request.pace.value),
+        progress=request.progress,
+        journal=None if journal is None else writable_journal(journal),
+    )
+    if journal is not None and naive:
+        writable_journal(run.beside(journal, NAIVE.name))
+    folder = made_folder(request.out if request.out is not None else Path("runs") / f"{spec.name}-seed-{request.seed}")
+    outcome = _run(spec, settings, naive)
+    request.progress.clear()
+    _show(outcome, folder, {variable.name: variable.label for variable in spec.context})
+
+
+def require_lab_spec(spec: Spec) -> None:
+    """End the command if a spec does not declare what the lab's main execution needs."""
+    from codra_papers.experiments.lab.requirements import missing_declarations
+
+    if missing := missing_declarations(spec):
+        say("\n  ".join((f"codra: '{spec.name}' does not run in the lab, whose main execution needs:", *missing)))
+        raise typer.Exit(ExitCode.FAILED)
+
+
+def _run(spec: Spec, settings: LabSettings, naive: bool) -> LabRun:
+    from codra_dsl.runtime import CallError, NotDeclaredError, UnknownNameError
+    from codra_papers.experiments.lab.arms import NAIVE, Arm, Need, observers
+    from codra_papers.experiments.lab.run import run_lab
+    from codra_papers.lab.simulator.gl import GraphicsUnavailableError
+
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        arms = (Arm(name=CONTEXT_DRIVEN, need=Need.ANNOUNCED), *((NAIVE,) if naive else ()))
+        ready = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(arms)]
+        try:
+            return run_lab(ready, settings)
+        except GraphicsUnavailableError as error:
+            say(f"codra: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
+        except (CallError, NotDeclaredError, UnknownNameError) as error:
+            say(f"codra: '{spec.name}' does not run in the lab: {error}")
+            raise typer.Exit(ExitCode.FAILED) from error
+
+
+def _show(run: LabRun, folder: Path, labels: Mapping[str, str]) -> None:
+    from codra_papers.experiments.lab.report import run_text, write_pictures
+
+    write_result(run_text(run))
+    try:
+        paths = list(write_pictures(run, folder, labels))
+    except OSError as error:
+        say(f"codra: cannot write to '{folder}': {error.strerror or error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    say("\n".join(path.as_posix() for path in paths))
+    raise typer.Exit(ExitCode.FAILED if run.error else ExitCode.CLEAN)

@@ -1,0 +1,127 @@
+"""The world `store` of `codra run`: a knowledge graph in the simulated shop, and optionally the page for pickers."""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from codra_dsl.cli.console import ExitCode, made_folder, say, writable_journal, write_result
+from codra_dsl.cli.worlds import RunRequest
+
+if TYPE_CHECKING:
+    from codra_dsl.language.model import Spec
+    from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings
+
+LONG_S = 600.0
+"""How long a run lasts without `--for` and without a page."""
+
+
+class SituationName(StrEnum):
+    """The situations, as the command line names them."""
+
+    ORDINARY = "ordinary"
+    SECOND_ORDER = "second-order"
+    PEOPLE_CLOSE = "people-close"
+    HIDDEN = "hidden"
+    ABSENT = "absent"
+    QUIET = "quiet"
+
+
+SituationOption = Annotated[
+    SituationName | None,
+    typer.Option("--situation", help="What happens.  [default: ordinary, with --page quiet]", show_default=False),
+]
+PageOption = Annotated[bool, typer.Option("--page", help="Serve the picker's page, on this machine only.")]
+Port = Annotated[
+    int | None,
+    typer.Option("--port", min=1, max=65535, help="Of the page.  [default: one that is free]"),
+]
+
+
+def store(
+    request: RunRequest, *, situation: SituationOption = None, page: PageOption = False, port: Port = None
+) -> None:
+    """A shop in which a pallet truck moves roll containers among people (P2).
+
+    Without --for, the run lasts 10 min, and with --page until Ctrl-C. With --out, metrics and weights are drawn.
+    """
+    from codra_papers.experiments.campaign.interrupts import interrupts_held_back
+
+    if port is not None and not page:
+        raise typer.BadParameter("it is the port of --page", param_hint="--port")
+    try:
+        with interrupts_held_back():  # some extension modules lose one that comes while they are loaded
+            settings = _settings(request, situation, (port or 0) if page else None)
+    except ModuleNotFoundError as error:
+        say(f"codra: 'run --page' needs {error.name}: pip install 'codra-papers[store]'")
+        raise typer.Exit(ExitCode.FAILED) from error
+    from codra_dsl.integrations.inspection import compile_and_load
+    from codra_papers.experiments.store.run import Compiled, store_text
+
+    spec, out = request.spec, None if request.out is None else made_folder(request.out)
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        run = _run(Compiled.of(compile_and_load(request.plan, Path(made)).package), settings, spec.name)
+    request.progress.clear()
+    write_result(store_text(run))
+    if out is not None and not spec.metrics:
+        say(f"nothing was drawn: '{spec.name}' has no metrics")
+    elif out is not None:
+        say(f"drawn: {_drawn(run, spec, out)}")
+
+
+def _drawn(run: StoreRun, spec: Spec, folder: Path) -> Path:
+    """Draw the metrics of a run and the weights of its actions over time; return where."""
+    from codra_papers.experiments.store.curves import draw_adaptation
+
+    path = folder / "metrics-and-weights.svg"
+    weights = [f"weight_of_{action.name}" for action in spec.actions]
+    draw_adaptation(path, run.record, [metric.name for metric in spec.metrics], weights)
+    return path
+
+
+def _settings(request: RunRequest, name: SituationName | None, port: int | None) -> StoreRunSettings:
+    """Return the settings of a run; `port` is None for no page and 0 for a free port."""
+    from codra_papers.experiments.pacing import Pace
+    from codra_papers.experiments.store.run import PageSettings, StoreRunSettings
+    from codra_papers.store.simulator.situations import Situation, StoreSettings
+
+    if port is not None:
+        import codra_papers.store.page.server  # noqa: F401 - fails before the run if it cannot be served
+    default_s = LONG_S if port is None else math.inf
+    usual = Situation.ORDINARY if port is None else Situation.QUIET
+    situation = usual if name is None else Situation(name.value.replace("-", " "))
+    return StoreRunSettings(
+        shop=StoreSettings(seed=request.seed, situation=situation),
+        duration_s=default_s if request.duration_s is None else request.duration_s,
+        pace=Pace(request.pace.value),
+        progress=request.progress,
+        journal=None if request.journal is None else writable_journal(request.journal),
+        page=None if port is None else PageSettings(port=port, opened=_opened),
+    )
+
+
+def _opened(url: str) -> None:
+    say(f"the picker's page is at {url}")
+
+
+def _run(compiled: Compiled, settings: StoreRunSettings, name: str) -> StoreRun:
+    from codra_dsl.runtime import NotASourceError
+    from codra_dsl.runtime.behavior_trees import TreeError
+    from codra_papers.experiments.store.run import run_store
+
+    try:
+        return run_store(compiled, settings)
+    except (LookupError, NotASourceError, TreeError) as error:
+        say(f"codra: '{name}' does not run in the store: {error}")
+        raise typer.Exit(ExitCode.FAILED) from error
+    except OSError as error:
+        if settings.page is None:
+            raise
+        say(f"codra: the page cannot be served at port {settings.page.port}: {os.strerror(error.errno or 0)}")
+        raise typer.Exit(ExitCode.FAILED) from error

@@ -1,0 +1,1 @@
+"""Trials over all cores, and the report on their outcomes."""

@@ -1,0 +1,226 @@
+"""A report as one page: a single file that needs no network and runs no script, for any browser and for paper."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cache
+from itertools import groupby
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from codra_papers.experiments.campaign.document import Cell, Document, Drawing, Part, Photograph, Section, Table, Words
+from codra_papers.experiments.campaign.experiment import AnyOutcome, Experiment
+from codra_papers.experiments.campaign.photographs import NoPictureError, developed
+from codra_papers.experiments.campaign.provenance import Provenance
+
+_NOT_IN_NAMES = re.compile(r"[^a-z0-9]+")
+
+
+class _Kind(StrEnum):
+    """What the template tells apart."""
+
+    WORDS = "words"
+    TABLE = "table"
+    DRAWING = "drawing"
+    PHOTOGRAPHS = "photographs"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ShownCell:
+    text: str
+    is_number: bool
+    is_marked: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ShownTable:
+    caption: str
+    header: Sequence[_ShownCell]
+    rows: Sequence[Sequence[_ShownCell]]
+    has_marks: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Image:
+    """A picture as a data URI; or, in its place, why there is none."""
+
+    caption: str
+    uri: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Block:
+    """A part of a section, or several pictures side by side."""
+
+    kind: _Kind
+    content: object
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ShownSection:
+    anchor: str
+    title: str
+    blocks: Sequence[_Block]
+
+
+def render_page(
+    experiment: Experiment, document: Document, outcomes: Mapping[str, AnyOutcome], provenance: Provenance
+) -> str:
+    """Return a report as HTML.
+
+    Args:
+        experiment: what was asked.
+        document: what was found.
+        outcomes: what came of the trials, by name.
+        provenance: what it was made with.
+    """
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            experiment=experiment,
+            document=document,
+            sections=_sections(document.sections),
+            made=_sections([_made_with(provenance), _trials(outcomes)], first=len(document.sections)),
+        )
+    )
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("codra_papers.experiments.campaign"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=True,
+    )
+
+
+def _sections(sections: Sequence[Section], first: int = 0) -> Sequence[_ShownSection]:
+    return [
+        _ShownSection(anchor=_anchor(number, section.title), title=section.title, blocks=_blocks(section.parts))
+        for number, section in enumerate(sections, first + 1)
+    ]
+
+
+def _anchor(number: int, title: str) -> str:
+    return f"{number}-{_NOT_IN_NAMES.sub('-', title.lower()).strip('-')}"
+
+
+def _blocks(parts: Sequence[Part]) -> Sequence[_Block]:
+    """Return parts as they are shown: photographs that follow each other stand side by side."""
+    blocks: list[_Block] = []
+    for are_photographs, group in groupby(parts, lambda part: isinstance(part, Photograph)):
+        if are_photographs:
+            images = [_photograph(part) for part in group if isinstance(part, Photograph)]
+            blocks.append(_Block(kind=_Kind.PHOTOGRAPHS, content=images))
+        else:
+            blocks += [_block(part) for part in group]
+    return blocks
+
+
+def _block(part: Part) -> _Block:
+    match part:
+        case Words():
+            return _Block(kind=_Kind.WORDS, content=part.text)
+        case Table():
+            return _Block(kind=_Kind.TABLE, content=_table(part))
+        case Drawing():
+            image = _Image(caption=part.caption, uri=_uri("image/svg+xml", part.svg.encode()))
+            return _Block(kind=_Kind.DRAWING, content=image)
+        case Photograph():
+            return _Block(kind=_Kind.PHOTOGRAPHS, content=[_photograph(part)])
+
+
+def _photograph(part: Photograph) -> _Image:
+    try:
+        return _Image(caption=part.caption, uri=_uri("image/jpeg", developed(part.path)))
+    except NoPictureError as error:
+        return _Image(caption=part.caption, reason=str(error))
+
+
+def _uri(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _table(table: Table) -> _ShownTable:
+    """Return a table in which a column without words stands to the right; one without rows says so."""
+    told = table.rows or [("none", *[""] * (len(table.header) - 1))]
+    columns = [[row[column] for row in told if row[column] not in _ABSENT] for column in range(len(table.header))]
+    numeric = [bool(cells) and all(map(_is_number, cells)) for cells in columns]
+    rows = [
+        [
+            _ShownCell(text=_text(cell), is_number=numeric[column], is_marked=(number, column) in table.marked)
+            for column, cell in enumerate(row)
+        ]
+        for number, row in enumerate(told)
+    ]
+    header = [
+        _ShownCell(text=text, is_number=is_number, is_marked=False)
+        for text, is_number in zip(table.header, numeric, strict=True)
+    ]
+    return _ShownTable(caption=table.caption, header=header, rows=rows, has_marks=bool(table.marked))
+
+
+_ABSENT = (None, "", "-", "\u2013")
+_BETWEEN_DIGITS = r"([-+\u2212\u2013\u00b1\d\s.,%()\[\]/]|\bto\b|(?<=\d)e(?=[-+]?\d))*"
+_FIGURE = re.compile(rf"{_BETWEEN_DIGITS}\d{_BETWEEN_DIGITS}")
+"""A number, a share or an interval, rounded to text."""
+
+
+def _is_number(cell: Cell) -> bool:
+    """Return whether a cell is a number, also one that was rounded to text."""
+    if isinstance(cell, str):
+        return _FIGURE.fullmatch(cell) is not None
+    return cell is not None and not isinstance(cell, bool)
+
+
+def _text(cell: Cell) -> str:
+    match cell:
+        case None:
+            return "\u2013"
+        case bool():
+            return "yes" if cell else "no"
+        case _:
+            return str(cell)
+
+
+# What every report ends with
+
+
+def _made_with(made: Provenance) -> Section:
+    before = f"; {made.found} had been run before" if made.found else ""
+    revision = "in no git repository"
+    if made.revision is not None:
+        state = "nothing was changed since" if made.revision.is_clean else "with changes that are not committed"
+        revision = f"{made.revision.commit}, {state}"
+    rows = [
+        ("Command", made.command),
+        ("Specification", made.spec),
+        ("Working tree", revision),
+        *((name, version) for name, version in made.versions.items()),
+        ("Code of codra", f"SHA-256 {made.code}"),
+        ("Seeds", ", ".join(map(str, made.seeds))),
+        ("Cores", f"{made.cores}; {made.processes} processes side by side"),
+        ("Time", f"{made.elapsed_s:.0f} s for the trials that this call ran{before}"),
+    ]
+    caption = "What this report was made with. The same command, code and versions give the same results."
+    return Section(title="Made with", parts=[Table(caption=caption, header=("What", "Which"), rows=rows)])
+
+
+def _trials(outcomes: Mapping[str, AnyOutcome]) -> Section:
+    rows = [
+        (name, str(each.seed), f"{each.duration_s:.1f}", str(each.loops), str(each.frames), each.error)
+        for name, each in outcomes.items()
+    ]
+    header = ("Trial", "Seed", "Simulated s", "Loops", "Frames", "Ended by an error")
+    marked = frozenset((number, 5) for number, each in enumerate(outcomes.values()) if each.error)
+    caption = "All trials. Loops are those of the main execution, or missions; frames were rendered for perception."
+    return Section(title="Trials", parts=[Table(caption=caption, header=header, rows=rows, marked=marked)])

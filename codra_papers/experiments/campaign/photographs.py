@@ -1,0 +1,64 @@
+"""Kept frames for people: small pictures with the detected tags outlined."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from codra_papers.lab.perception.frame import Frame, Intrinsics
+from codra_papers.lab.perception.poses import Pose
+from codra_papers.lab.perception.tags import detect
+
+_OUTLINE = (0, 200, 0)
+_TEXT = (0, 0, 255)
+_QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 80)
+_COLOURS_OF_EVERY_PIXEL = (cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
+_FRACTION_BITS = 4
+"""OpenCV draws between pixels where coordinates are in sixteenths."""
+
+
+class NoPictureError(Exception):
+    """A file is no picture that can be read."""
+
+
+def developed(path: Path) -> bytes:
+    """Return a kept frame as JPEG, of its own size, with each detected tag outlined and numbered.
+
+    Raises:
+        NoPictureError: if the file is not there, or no picture.
+    """
+    picture = _picture(path)
+    drawn = picture.copy()
+    for tag_id, corners_px in _tags(picture):
+        corners = np.round(corners_px * 2**_FRACTION_BITS).astype(np.int32).reshape(-1, 1, 2)
+        cv2.polylines(drawn, [corners], True, _OUTLINE, 1, cv2.LINE_AA, _FRACTION_BITS)
+        place = (int(corners_px[:, 0].min()), int(corners_px[:, 1].max()) + 14)
+        cv2.putText(drawn, str(tag_id), place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _TEXT, 1, cv2.LINE_AA)
+    _, data = cv2.imencode(".jpg", drawn, (*_QUALITY, *_COLOURS_OF_EVERY_PIXEL))
+    return bytes(data)
+
+
+def _picture(path: Path) -> NDArray[np.uint8]:
+    try:
+        data = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    except OSError as error:
+        raise NoPictureError(f"'{path}' cannot be read: {error.strerror}") from error
+    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if picture is None:
+        raise NoPictureError(f"'{path}' is no picture")
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def _tags(picture: NDArray[np.uint8]) -> list[tuple[int, NDArray[np.float64]]]:
+    """Return the tags that detection, which asks for nothing but pixels, finds in a picture in OpenCV's colours."""
+    height, width = picture.shape[:2]
+    frame = Frame(
+        pixels=np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8),
+        intrinsics=Intrinsics(width=width, height=height, focal_px=float(width)),
+        believed_map_from_camera=Pose(rotation=np.eye(3), translation_m=np.zeros(3)),
+        stamp_s=0.0,
+    )
+    return [(found.tag_id, found.corners_px) for found in detect(frame)]

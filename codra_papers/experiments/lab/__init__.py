@@ -1,0 +1,1 @@
+"""Runs in the laboratory: arms, trials, outcomes and scores."""

@@ -1,0 +1,77 @@
+"""The arms of an experiment: what each one's observers are, and whether they follow the main execution's needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from codra_dsl.integrations.inspection import compile_and_load
+from codra_dsl.language.model import Refresh, Spec
+from codra_dsl.runtime import ContextManager
+from codra_papers.experiments.lab.spec_variants import Naive, Refreshed, SpecVariant
+
+P1_TRIGGER_S = 7.2
+"""P1, section 4.1: a naive observer's 5006 triggers in 35,806 s of operation."""
+
+
+class Need(StrEnum):
+    """Which variables an arm's observers run for."""
+
+    EVERYTHING = "everything, always"
+    ANNOUNCED = "what the main execution decides on now and next"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arm:
+    """One way to observe.
+
+    Attributes:
+        name: unique in its experiment; people read it in tables.
+        need: for what its observers run.
+        edits: how its spec differs from the experiment's.
+    """
+
+    name: str
+    need: Need
+    edits: tuple[SpecVariant, ...] = ()
+
+    def edited(self, name: str, edit: SpecVariant) -> Arm:
+        """Return an arm that differs from this one in one edit more and in nothing else."""
+        return replace(self, name=name, edits=(*self.edits, edit))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observers:
+    """The compiled observers of an arm."""
+
+    arm: Arm
+    start: Callable[..., ContextManager[Any, Any]]
+
+
+_PERIODICALLY = Refreshed(refresh=Refresh.PERIODIC)
+
+NAIVE = Arm(name="naive", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive()))
+NAIVE_PACED = Arm(name="naive, every 7.2 s", need=Need.EVERYTHING, edits=(_PERIODICALLY, Naive(pause_s=P1_TRIGGER_S)))
+PRECONDITIONS = Arm(name="preconditions", need=Need.EVERYTHING, edits=(_PERIODICALLY,))
+NEED = Arm(name="preconditions and need", need=Need.ANNOUNCED, edits=(_PERIODICALLY,))
+NEED_ON_EVENT = Arm(name="need, on event", need=Need.ANNOUNCED)
+"""The spec as it is, which says of each variable how it is refreshed."""
+
+
+def observers(arm: Arm, spec: Spec, folder: Path) -> Observers:
+    """Compile an arm.
+
+    Args:
+        arm: which.
+        spec: the experiment's, without errors.
+        folder: an empty folder for the generated code.
+
+    Raises:
+        SpecError: if the arm's spec has errors.
+    """
+    for edit in arm.edits:
+        spec = edit(spec)
+    return Observers(arm=arm, start=compile_and_load(spec, folder).start)

@@ -1,0 +1,174 @@
+"""Whom the main execution speaks to in an experiment: one arm that answers it, or none, and all that only listen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+from codra_dsl.runtime import Clock, ContextManager, Reading
+from codra_dsl.runtime.values.conditions import Value
+from codra_papers.lab.context import ActingSkill
+
+Manager = ContextManager[Any, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """A decision of the main execution (P1, Figure 7: the rings).
+
+    It takes from `instant_s` to `answered_s`: to ask, to wait for observers, and to look if context has no answer.
+
+    Attributes:
+        instant_s: when the main execution needed the variable.
+        skill: the skill under way.
+        since_s: how old the evidence may be: 0 for a preview; the end of the action for what monitors it.
+        held: what each arm held at that instant, by arm.
+        answer: what it was decided on.
+        answered_s: when.
+        waited_s: how long it waited for the arm that answers.
+        looked_s: how long the robot looked by itself; 0 if context answered.
+        last: what that arm held when it answered, or when the robot began to look instead; None if no arm answers.
+        has_looked: whether the robot looked by itself.
+    """
+
+    instant_s: float
+    variable: str
+    skill: str
+    since_s: float
+    held: Mapping[str, Reading[Any]]
+    answer: Value | None
+    answered_s: float
+    waited_s: float
+    looked_s: float
+    last: Reading[Any] | None
+    has_looked: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkillSpan:
+    """When a skill was under way."""
+
+    name: str
+    start_s: float
+    end_s: float
+
+
+class Fanout:
+    """What a main execution tells, told to every arm that follows it; what it asks, answered by one arm or by looking.
+
+    Without an arm that answers, every decision is made by looking, as P1's robot did while observers only watched
+    (section 4.1): what the robot does then depends on no arm.
+
+    Attributes:
+        asked: the decisions, in order of time.
+        skills: the skills that ended, likewise.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        arms: Mapping[str, Manager],
+        *,
+        following: Sequence[str],
+        answering: str | None,
+        decision_s: float = 0.0,
+    ) -> None:
+        """Gather the arms.
+
+        Args:
+            clock: of all of them.
+            arms: by name.
+            following: those that are told of skills and of what comes next.
+            answering: the one that answers.
+            decision_s: how long it takes to ask it.
+        """
+        self.asked: list[Asked] = []
+        self.skills: list[SkillSpan] = []
+        self._clock = clock
+        self._arms = arms
+        self._following = [arms[name] for name in following]
+        self._answering = None if answering is None else arms[answering]
+        self._decision_s = decision_s
+        self._under_way: list[str] = []
+
+    @contextmanager
+    def skill(self, name: str) -> Iterator[ActingSkill]:
+        """Begin a skill with every arm that follows."""
+        with ExitStack() as stack:
+            skills = [stack.enter_context(manager.skill(name)) for manager in self._following]
+            start_s = self._clock.now_s()
+            self._under_way.append(name)
+            try:
+                yield _Together(skills)
+            finally:
+                self._under_way.pop()
+                self.skills.append(SkillSpan(name=name, start_s=start_s, end_s=self._clock.now_s()))
+
+    def expect(self, *skills: str) -> None:
+        """Tell which skills come next."""
+        for manager in self._following:
+            manager.expect(*skills)
+
+    def set(self, name: str, value: Any) -> None:
+        """Tell every arm what the main execution knows itself."""
+        for manager in self._arms.values():
+            manager.set(name, value)
+
+    def decide(
+        self, name: str, otherwise: Callable[[], Any], *, since_s: float = 0.0, wait_up_to_s: float = 0.0
+    ) -> Any:
+        """Let the answering arm decide, or look; note what every arm held when it was asked."""
+        asked_s, held = self._clock.now_s(), {arm: manager.get(name) for arm, manager in self._arms.items()}
+        self._clock.sleep(0.0 if self._answering is None else self._decision_s)
+        waits_from_s = self._clock.now_s()
+        began: list[tuple[float, Reading[Any] | None]] = []
+
+        def look() -> Any:
+            began.append((self._clock.now_s(), self._last(name)))
+            return otherwise()
+
+        if self._answering is None:
+            answer = look()
+        else:
+            answer = self._answering.decide(name, look, since_s=since_s, wait_up_to_s=wait_up_to_s)
+        answered_s = self._clock.now_s()
+        looks_from_s, last = began[0] if began else (answered_s, self._last(name))
+        self.asked.append(
+            Asked(
+                instant_s=asked_s,
+                variable=name,
+                skill=self._under_way[-1] if self._under_way else "",
+                since_s=since_s,
+                held=held,
+                answer=answer,
+                answered_s=answered_s,
+                waited_s=looks_from_s - waits_from_s,
+                looked_s=answered_s - looks_from_s,
+                last=last,
+                has_looked=bool(began),
+            )
+        )
+        return answer
+
+    def _last(self, name: str) -> Reading[Any] | None:
+        return None if self._answering is None else self._answering.get(name)
+
+    def slot(self, *resources: str) -> AbstractContextManager[None]:
+        """Hold slots of the answering arm; those of arms that only listen are their own."""
+        return nullcontext() if self._answering is None else self._answering.slot(*resources)
+
+
+class _Together:
+    """One skill under way in several arms."""
+
+    def __init__(self, skills: Sequence[ActingSkill]) -> None:
+        self._skills = skills
+
+    @contextmanager
+    def acting(self) -> Iterator[None]:
+        with ExitStack() as stack:
+            for skill in self._skills:
+                stack.enter_context(skill.acting())
+            yield

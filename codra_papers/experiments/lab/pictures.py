@@ -1,0 +1,68 @@
+"""Pictures of a run: what each arm held over what was true."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from codra_papers.experiments.lab.scoring import Piece, overlaps
+
+RIGHT, WRONG, UNKNOWN = "#2e9e5b", "#d1352b", "#dddddd"
+TRUE, FALSE = "#33526e", "#c9d6e2"
+_ROW = 1.0
+_STRIP = 0.24
+
+
+def draw_timeline(
+    path: Path,
+    truth: Mapping[str, Sequence[Piece]],
+    arms: Mapping[str, Mapping[str, Sequence[Piece]]],
+    labels: Mapping[str, str],
+) -> None:
+    """Draw one row per variable: a strip of its truth and below it one strip per arm, coloured by agreement.
+
+    Args:
+        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+        truth: what was true, by variable.
+        arms: what each arm held, by arm and variable.
+        labels: what people read for each variable.
+    """
+    names = list(truth)
+    figure = Figure(figsize=(16, 1.6 + 0.28 * len(names) * (1 + len(arms))), layout="constrained")
+    axes = figure.add_subplot()
+    for row, name in enumerate(names):
+        top = row * _ROW
+        _strip(axes, top, [(piece, TRUE if piece.value else FALSE) for piece in truth[name]])
+        for index, held in enumerate(arms.values(), start=1):
+            _strip(axes, top + index * _STRIP, _coloured(held[name], truth[name]))
+    axes.set_yticks(
+        [row * _ROW + _STRIP * (1 + len(arms)) / 2 for row in range(len(names))], [labels[n] for n in names]
+    )
+    axes.set_ylim(len(names) * _ROW, -0.1)
+    axes.set_xlim(0, max(piece.end_s for found in truth.values() for piece in found))
+    axes.set_xlabel("time in s")
+    axes.set_title(f"in each row from the top: truth, {', '.join(arms)}", fontsize=10, loc="left")
+    colours = {"true": TRUE, "false": FALSE, "held, right": RIGHT, "held, wrong": WRONG, "unknown": UNKNOWN}
+    handles = [Patch(color=colour, label=label) for label, colour in colours.items()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    with mpl.rc_context({"svg.hashsalt": "codra"}):
+        figure.savefig(path, dpi=90, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
+def _coloured(held: Sequence[Piece], truth: Sequence[Piece]) -> list[tuple[Piece, str]]:
+    coloured = []
+    for piece, fact, duration_s in overlaps(held, truth):
+        start_s = max(piece.start_s, fact.start_s)
+        colour = UNKNOWN if piece.value is None else RIGHT if piece.value == fact.value else WRONG
+        coloured.append((Piece(start_s, start_s + duration_s, piece.value), colour))
+    return coloured
+
+
+def _strip(axes: Axes, top: float, coloured: Sequence[tuple[Piece, str]]) -> None:
+    spans = [(piece.start_s, piece.end_s - piece.start_s) for piece, _ in coloured]
+    axes.broken_barh(spans, (top, _STRIP * 0.86), facecolors=[colour for _, colour in coloured], linewidth=0)

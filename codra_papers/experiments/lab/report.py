@@ -1,0 +1,78 @@
+"""What a run in the laboratory prints and draws."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from codra_dsl.runtime import Cost
+from codra_papers.experiments.lab.pictures import draw_timeline
+from codra_papers.experiments.lab.run import OBSERVED, ArmRun, LabRun
+from codra_papers.experiments.lab.tables import score_table, text_table
+from codra_papers.lab.detection.drawing import draw_detections
+
+_ENDS = ("accepted", "rejected", "voided", "failed", "cancelled")
+_TIMES = MappingProxyType({"waiting_s": "waiting s", "perception_s": "perception s", "slot_s": "slot s"})
+_ANSWERS = MappingProxyType({"answered": "from context", OBSERVED: "of these observed", "fell_back": "fell back"})
+
+
+def run_text(run: LabRun) -> str:
+    """Return the tables of a run."""
+    tables = (_jobs_text(run), _spent_text(run), _decisions_text(run))
+    return "\n".join((_summary(run), *(_arm_text(arm) for arm in run.arms), *tables))
+
+
+def write_pictures(run: LabRun, folder: Path, labels: Mapping[str, str]) -> Iterator[Path]:
+    """Write frames with the detected tags drawn in, the timeline over the truth, and the records; yield each path.
+
+    Args:
+        run: what there is to show.
+        folder: is made if it does not exist.
+        labels: what people read for each variable.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for arm in run.arms:
+        path = folder / f"record-{arm.name}.jsonl"
+        path.write_text(arm.record.text(), encoding="utf-8")
+        yield path
+    for name, frame in run.pictures.items():
+        path = folder / f"frame-{name}.png"
+        draw_detections(frame, path)
+        yield path
+    path = folder / "timeline.png"
+    draw_timeline(path, run.truth, {arm.name: arm.held for arm in run.arms}, labels)
+    yield path
+
+
+def _summary(run: LabRun) -> str:
+    loops = f"{run.loops} sample-processing loop{'' if run.loops == 1 else 's'}"
+    ended = f", ended by: {run.error}" if run.error else ""
+    return f"{run.duration_s:.1f} s, {loops}, {run.frames} frames rendered{ended}\n"
+
+
+def _arm_text(arm: ArmRun) -> str:
+    return f"{arm.name}\n{score_table(arm.scores)}"
+
+
+def _jobs_text(run: LabRun) -> str:
+    names = sorted({name for arm in run.arms for name in arm.jobs})
+    rows = [(name, *(str(arm.jobs.get(name, 0)) for arm in run.arms)) for name in names]
+    total = ("all", *(str(sum(arm.jobs.values())) for arm in run.arms))
+    return text_table(("jobs started", *(arm.name for arm in run.arms)), [*rows, total])
+
+
+def _spent_text(run: LabRun) -> str:
+    everything = sum(run.arms[0].spent.values(), Cost())
+    rows = [
+        (name, *(str(getattr(spent, each)) for each in _ENDS), *(f"{getattr(spent, each):.1f}" for each in _TIMES))
+        for name, spent in {**run.arms[0].spent, "all": everything}.items()
+    ]
+    return text_table((f"spent by {run.arms[0].name}", *_ENDS, *_TIMES.values()), rows)
+
+
+def _decisions_text(run: LabRun) -> str:
+    counted = {**run.decisions, "all": sum(run.decisions.values(), Counter())}
+    rows = [(name, *(str(counts[what]) for what in _ANSWERS)) for name, counts in counted.items()]
+    return text_table(("decisions", *_ANSWERS.values()), rows)

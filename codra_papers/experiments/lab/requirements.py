@@ -1,0 +1,19 @@
+"""What a spec must declare to run in the laboratory."""
+
+from __future__ import annotations
+
+from codra_dsl.language.model import Kind, Spec
+from codra_papers.lab.mission import DECIDES_ON, SKILLS
+from codra_papers.lab.sequential_perception import VISION
+
+
+def missing_declarations(spec: Spec) -> tuple[str, ...]:
+    """Return, in words, what the laboratory's main execution needs and a spec does not declare."""
+    skills = {skill.name for skill in spec.skills}
+    true_or_false = {variable.name for variable in spec.context if variable.type.kind is Kind.BOOL}
+    shared = {resource.name for resource in spec.resources if resource.slots is not None}
+    return (
+        *(f"skill '{name}'" for name in SKILLS if name not in skills),
+        *(f"context-variable '{name}' of type bool" for name in DECIDES_ON if name not in true_or_false),
+        *(f"resource '{name}' with slots" for name in (VISION,) if name not in shared),
+    )

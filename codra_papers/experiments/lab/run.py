@@ -1,0 +1,341 @@
+"""A run in the laboratory: its arms on the same frames, one main execution, all scored against ground truth."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from random import Random
+
+from codra_dsl.runtime import MAIN, Clock, Cost, EventLog, Journal, SimClock, WallClock
+from codra_dsl.runtime.journal import Kind
+from codra_papers.experiments.lab.arms import Need, Observers
+from codra_papers.experiments.lab.fanout import Asked, Fanout, Manager, SkillSpan
+from codra_papers.experiments.lab.scoring import Piece, Score, held_pieces, pieces, score
+from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
+from codra_papers.experiments.pacing import Pace
+from codra_papers.lab.mission import Expect, Mission, MissionError
+from codra_papers.lab.perception.frame import Camera, Frame
+from codra_papers.lab.perception.layout import surveyed
+from codra_papers.lab.robot import Localization, Robot
+from codra_papers.lab.sequential_perception import SequentialPerception
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource
+from codra_papers.lab.simulator.disturbances import disturb
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
+from codra_papers.lab.simulator.truth import GroundTruth, TruthSpan
+from codra_papers.lab.simulator.world import LabWorld
+
+OBSERVED = "observed"
+
+PICTURED = ("centrifuge_open", "centrifuge_locked", "pcr_cycler_open", "pcr_cycler_locked")
+"""The variables whose first misjudged frame is shown."""
+
+Work = Callable[[Mission], None]
+"""What the main execution does: a frozen value, so that it can be sent to a process and told in a report."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmRun:
+    """What one arm held and did.
+
+    Attributes:
+        held: by context-variable.
+        jobs: how many jobs of each algorithm were started.
+        spent: what each observer cost and brought.
+    """
+
+    name: str
+    record: EventLog
+    held: Mapping[str, Sequence[Piece]]
+    scores: Sequence[Score]
+    jobs: Mapping[str, int]
+    spent: Mapping[str, Cost]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabRun:
+    """All that a run showed.
+
+    Attributes:
+        loops: how many sample-processing loops were completed.
+        error: the main execution's unrecoverable error, if that ended it.
+        interruptions: the instants and texts of unrecoverable errors after which it began anew.
+        frames: how many were rendered.
+        perceived: how many of these perception functions took.
+        looks_s: the instants of those that the main execution took itself.
+        asked: the decisions of the main execution.
+        skills: when each of its skills was under way.
+        decisions: how many decisions were `answered` from context, by what an observer saw (`OBSERVED`) or what the
+            main execution itself had found out before, and how many `fell_back`, by variable; empty if no arm answered.
+        pictures: frames at telling moments, by a name that tells the moment.
+    """
+
+    duration_s: float
+    loops: int
+    error: str | None
+    interruptions: Sequence[tuple[float, str]]
+    frames: int
+    perceived: int
+    looks_s: Sequence[float]
+    arms: Sequence[ArmRun]
+    truth: Mapping[str, Sequence[Piece]]
+    asked: Sequence[Asked]
+    skills: Sequence[SkillSpan]
+    decisions: Mapping[str, Counter[str]]
+    pictures: Mapping[str, Frame]
+
+
+@dataclass(frozen=True, slots=True)
+class OneLoop:
+    """Process one batch of samples."""
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        mission.run_loop()
+
+
+ONE_LOOP = OneLoop()
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """Process batch after batch, until time is up."""
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        while True:
+            mission.run_loop()
+
+
+def telling_moments(run: LabRun) -> Mapping[str, float]:
+    """Return instants worth a picture, by a name that tells why."""
+    moments: dict[str, float] = {}
+    for arm in run.arms:
+        moments |= {f"{arm.name}-{name}": instant_s for name, instant_s in _most_markers(arm).items()}
+        moments |= {f"{arm.name}-wrong-{name}": instant_s for name, instant_s in _misjudged(arm, run.truth).items()}
+    return moments
+
+
+def _most_markers(arm: ArmRun) -> Mapping[str, float]:
+    """Return, by algorithm, when the evidence was taken that rests on the most markers."""
+    best: dict[str, tuple[int, float]] = {}
+    for event in arm.record.of(Kind.JOB):
+        markers = event.details.get("values", {}).get("markers")
+        if event.what == "returned" and isinstance(markers, int):
+            best[event.name] = max(best.get(event.name, (-1, 0.0)), (markers, event.details["evidence_s"][1]))
+    return {name: instant_s for name, (_, instant_s) in sorted(best.items())}
+
+
+def _misjudged(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, float]:
+    """Return, by variable, when evidence was first taken that gave it a value that was not true at that instant."""
+    found: dict[str, float] = {}
+    for event in arm.record.of(Kind.VARIABLE):
+        if event.what == "identified" and event.name in PICTURED and event.name not in found:
+            evidence_s = event.details["evidence_s"]
+            facts = (piece.value for piece in truth[event.name] if piece.start_s <= evidence_s < piece.end_s)
+            if next(facts, None) not in (None, event.details["value"]):
+                found[event.name] = evidence_s
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabSettings:
+    """How to run.
+
+    Attributes:
+        seed: of everything that chance decides.
+        laboratory: in which the robot works.
+        duration_s: how long at most; None for as long as the work takes.
+        work: what the main execution does.
+        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
+        decision_s: how long it takes the main execution to ask that arm.
+        repair_s: how long someone takes to set things right after an unrecoverable error; the work then begins anew.
+            None if such an error ends the run (P1, section 4.1). With it, say how long the run lasts.
+        expect: whether the main execution says beforehand what comes next.
+        moments: tells the instants of which frames are kept, by name.
+        progress: is told the present instant now and then.
+        journal: where the journal of the answering arm goes, if anywhere; those of other arms go beside it, with the
+            arm's name in their own.
+    """
+
+    seed: int = 1
+    laboratory: Laboratory = LABORATORY
+    duration_s: float | None = None
+    work: Work = ONE_LOOP
+    answering: str | None = None
+    decision_s: float = 0.0
+    repair_s: float | None = None
+    pace: Pace = Pace.FAST
+    expect: Expect = Expect.ONE_AHEAD
+    moments: Callable[[LabRun], Mapping[str, float]] = telling_moments
+    progress: Callable[[float], None] = lambda _: None
+    journal: Path | None = None
+
+
+def run_lab(observers: Sequence[Observers], settings: LabSettings) -> LabRun:
+    """Let the robot work while every arm watches, each with slots of its own, on the same frames.
+
+    Args:
+        observers: the arms, by different names.
+        settings: how to run.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(surveyed(settings.laboratory.machines))
+        world = LabWorld(settings.seed, settings.laboratory)
+        frames = stack.enter_context(FrameSource(world))
+        clock = _clock(settings, stack)  # last of all that takes long: in real time it runs from here
+        camera, own_camera = (WatchedCamera(ArmCamera(frames, clock)) for _ in range(2))
+        resources = {"camera": camera, "base": Localization(world, clock)}
+        managers = {
+            each.arm.name: stack.enter_context(
+                each.start(
+                    clock=clock, resources=resources, seed=settings.seed, record=_record(each.arm.name, settings)
+                )
+            )
+            for each in observers
+        }
+        audience = _gathered(clock, managers, observers, settings)
+        robot = Robot(world, clock, Random(f"{settings.seed} robot"))
+        eyes = SequentialPerception(robot, own_camera, audience, clock, seed=settings.seed)
+        mission = Mission(robot, eyes, audience, clock, settings.expect)
+        disturb(world, clock)
+        interruptions: list[tuple[float, str]] = []
+        error = _execute(mission, settings, clock, interruptions)
+        end_s = clock.now_s()
+        for manager in managers.values():
+            manager.close()  # in real time jobs would go on while the run is judged
+        truth = _truth_pieces(GroundTruth(world).over(0.0, end_s), list(managers.values()))
+        arms = [_arm(name, manager, truth, end_s) for name, manager in managers.items()]
+        answering = managers.get(settings.answering or "")
+        run = LabRun(
+            duration_s=end_s,
+            loops=mission.loops,
+            error=error,
+            interruptions=interruptions,
+            frames=frames.rendered,
+            perceived=len(camera.instants_s | own_camera.instants_s),
+            looks_s=sorted(own_camera.instants_s),
+            arms=arms,
+            truth=truth,
+            asked=tuple(audience.asked),
+            skills=tuple(audience.skills),
+            decisions={} if answering is None else _decisions(answering.record),
+            pictures={},
+        )
+        return replace(
+            run, pictures={name: frames.frame_at(instant_s) for name, instant_s in settings.moments(run).items()}
+        )
+
+
+class WatchedCamera:
+    """A camera that remembers at which instants frames were taken.
+
+    Attributes:
+        instants_s: those instants.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.instants_s: set[float] = set()
+        self._camera = camera
+
+    def capture(self) -> Frame:
+        """Take a frame now."""
+        frame = self._camera.capture()
+        self.instants_s.add(frame.stamp_s)
+        return frame
+
+    def processing_s(self, mean_s: float) -> float:
+        """Return how long the computer behind it takes from now for work that takes so long in the mean."""
+        return self._camera.processing_s(mean_s)
+
+
+def _gathered(
+    clock: Clock, managers: Mapping[str, Manager], observers: Sequence[Observers], settings: LabSettings
+) -> Fanout:
+    """Declare everything where that is the arm's way, and let the main execution speak to all arms."""
+    for each in observers:
+        if each.arm.need is Need.EVERYTHING:
+            _declare_all(managers[each.arm.name])
+    return Fanout(
+        clock,
+        managers,
+        following=[each.arm.name for each in observers if each.arm.need is Need.ANNOUNCED],
+        answering=settings.answering,
+        decision_s=settings.decision_s,
+    )
+
+
+def _clock(settings: LabSettings, stack: ExitStack) -> LimitedClock:
+    clock: Clock = SimClock() if settings.pace is Pace.FAST else stack.enter_context(WallClock(start_s=0.0))
+    end_s = math.inf if settings.duration_s is None else settings.duration_s
+    return LimitedClock(clock, end_s, settings.progress)
+
+
+def _record(arm: str, settings: LabSettings) -> EventLog:
+    """Return what takes the events of an arm: all of them, since they are scored in the end."""
+    if settings.journal is None:
+        return EventLog(math.inf)
+    return Journal(settings.journal if arm == settings.answering else beside(settings.journal, arm), math.inf)
+
+
+def beside(journal: Path, arm: str) -> Path:
+    """Return where the journal of another arm goes."""
+    return journal.with_name(f"{journal.stem}.{arm}{journal.suffix}")
+
+
+def _declare_all(manager: Manager) -> None:
+    for name in manager.modelled():
+        manager.declare(name)
+
+
+def _execute(
+    mission: Mission, settings: LabSettings, clock: Clock, interruptions: list[tuple[float, str]]
+) -> str | None:
+    """Let the main execution run to its end; return the unrecoverable error that ended it, if one did."""
+    try:
+        while True:
+            try:
+                settings.work(mission)
+                return None
+            except MissionError as error:
+                if settings.repair_s is None:
+                    return str(error)
+                interruptions.append((clock.now_s(), str(error)))
+                clock.sleep(settings.repair_s)
+    except TimeIsUp:
+        return None
+
+
+def _truth_pieces(spans: Sequence[TruthSpan], managers: Sequence[Manager]) -> Mapping[str, Sequence[Piece]]:
+    """Return what was true, by variable: of those that an arm's spec models, of all if there is no arm."""
+    told = tuple(spans[0].values) if spans else ()
+    modelled = {name for manager in managers for name in manager.modelled()} if managers else set(told)
+    names = [name for name in told if name in modelled]
+    return {name: pieces([(span.start_s, span.values[name]) for span in spans], spans[-1].end_s) for name in names}
+
+
+def _arm(name: str, manager: Manager, truth: Mapping[str, Sequence[Piece]], end_s: float) -> ArmRun:
+    record = manager.record
+    held = held_pieces(record, tuple(truth), end_s)
+    started = (event.name for event in record.of(Kind.JOB) if event.what == "started")
+    return ArmRun(
+        name=name,
+        record=record,
+        held=held,
+        scores=[score(variable, held[variable], truth[variable], record) for variable in truth],
+        jobs=dict(sorted(Counter(started).items())),
+        spent=manager.spent(),
+    )
+
+
+def _decisions(record: EventLog) -> Mapping[str, Counter[str]]:
+    counts: dict[str, Counter[str]] = {}
+    for event in record.of(Kind.DECISION):
+        counted = counts.setdefault(event.name, Counter())
+        counted[event.what] += 1
+        if event.what == "answered" and event.details["source"] != MAIN:
+            counted[OBSERVED] += 1
+    return dict(sorted(counts.items()))

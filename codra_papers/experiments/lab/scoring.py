@@ -1,0 +1,102 @@
+"""What an arm held, against what was true: seconds right, wrong and unknown (P1, section 4.1 and Table 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.runtime import MAIN
+from codra_dsl.runtime.journal import EventLog, Kind
+from codra_dsl.runtime.values.conditions import Value
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A span of time, half-open, in which a value stood; None stands for unknown."""
+
+    start_s: float
+    end_s: float
+    value: Value | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How a variable was held over a run.
+
+    Attributes:
+        right_s: the held value equals the truth: P1's agreement time.
+        wrong_s: it is known and differs: P1's disagreement time.
+        unknown_s: nothing is held.
+        identified: how often an observer gave it a value.
+        first_s: when an observer first did, None if never.
+    """
+
+    name: str
+    right_s: float
+    wrong_s: float
+    unknown_s: float
+    identified: int
+    first_s: float | None
+
+    @property
+    def ratio(self) -> float | None:
+        """Return right / (right + wrong), as P1's Table 2 does; None while nothing was ever held."""
+        held_s = self.right_s + self.wrong_s
+        return self.right_s / held_s if held_s else None
+
+
+def held_pieces(record: EventLog, names: Sequence[str], end_s: float) -> Mapping[str, tuple[Piece, ...]]:
+    """Return what a context manager held of each variable from 0 s to the end of a run, from its record."""
+    changes: dict[str, list[tuple[float, Value | None]]] = {name: [(0.0, None)] for name in names}
+    for event in record.of(Kind.VARIABLE):
+        if event.details.get("present") and event.name in changes and event.instant_s < end_s:
+            changes[event.name].append((event.instant_s, event.details["value"]))
+    return {name: pieces(found, end_s) for name, found in changes.items()}
+
+
+def pieces(changes: Sequence[tuple[float, Value | None]], end_s: float) -> tuple[Piece, ...]:
+    """Return the pieces between changes, given in order of time; neighbours of the same value become one."""
+    merged: list[Piece] = []
+    starts = [start_s for start_s, _ in changes]
+    for (start_s, value), next_s in zip(changes, [*starts[1:], end_s], strict=True):
+        if merged and merged[-1].value is value:
+            merged[-1] = Piece(merged[-1].start_s, next_s, value)
+        elif next_s > start_s:
+            merged.append(Piece(start_s, next_s, value))
+    return tuple(merged)
+
+
+def score(name: str, held: Sequence[Piece], truth: Sequence[Piece], record: EventLog) -> Score:
+    """Return how a variable was held against its truth, over the time that both cover."""
+    seconds = {"right": 0.0, "wrong": 0.0, "unknown": 0.0}
+    for piece, fact, duration_s in overlaps(held, truth):
+        verdict = "unknown" if piece.value is None else "right" if piece.value == fact.value else "wrong"
+        seconds[verdict] += duration_s
+    identified = [
+        event
+        for event in record.of(Kind.VARIABLE, name)
+        if event.what == "identified" and event.details["source"] != MAIN
+    ]
+    return Score(
+        name=name,
+        right_s=seconds["right"],
+        wrong_s=seconds["wrong"],
+        unknown_s=seconds["unknown"],
+        identified=len(identified),
+        first_s=identified[0].instant_s if identified else None,
+    )
+
+
+def overlaps(left: Sequence[Piece], right: Sequence[Piece]) -> list[tuple[Piece, Piece, float]]:
+    """Return the pairs of pieces that overlap, with the length of their overlap, in order of time."""
+    found: list[tuple[Piece, Piece, float]] = []
+    position = 0
+    for piece in left:
+        while position < len(right) and right[position].end_s <= piece.start_s:
+            position += 1
+        for index in range(position, len(right)):  # a slice would copy all that is still to come
+            other = right[index]
+            if other.start_s >= piece.end_s:
+                break
+            found.append((piece, other, min(piece.end_s, other.end_s) - max(piece.start_s, other.start_s)))
+    return found

@@ -1,0 +1,185 @@
+"""How the spec of one arm differs from that of another: frozen values that turn a spec into a spec."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from codra_dsl.language.model import (
+    FOREVER_S,
+    Access,
+    Algorithm,
+    Condition,
+    Hysteresis,
+    Identification,
+    ObserverSetting,
+    Reference,
+    Refresh,
+    Spec,
+)
+
+SpecVariant = Callable[[Spec], Spec]
+"""What turns a spec into another: a frozen value, so that it can be sent to a process and told in a report."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Naive:
+    """No idea of when perception can be trusted (P1, section 4.1): the same calls without any condition.
+
+    What is called, with what, what it returns and what that means for the variables stays as it is. No skill is left:
+    every variable that has an algorithm gets its observer.
+
+    Attributes:
+        pause_s: the least time between two jobs of one algorithm that needs a slot; 0 to look again as soon as done.
+    """
+
+    pause_s: float = 0.0
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        pause = f", {self.pause_s} s between two jobs of the vision slot" if self.pause_s else ""
+        return f"no conditions{pause}"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec without conditions."""
+        algorithms = tuple(self._without_conditions(algorithm) for algorithm in spec.perception)
+        return replace(spec, perception=algorithms, skills=(), observers=_without_pause(spec, algorithms))
+
+    def _without_conditions(self, algorithm: Algorithm) -> Algorithm:
+        needs_slot = any(usage.access is Access.SLOT for usage in algorithm.uses)
+        pause_s = self.pause_s if needs_slot else 0.0
+        return replace(algorithm, observable_when=(), accept_when=(), min_interval_s=pause_s)
+
+
+def _without_pause(spec: Spec, algorithms: tuple[Algorithm, ...]) -> tuple[ObserverSetting, ...]:
+    """Give every tree a period of 0 s and the same priority; its name stays."""
+    named = {reference.name for setting in spec.observers for reference in setting.identifies}
+    settings = [replace(setting, period_s=0.0, priority=0) for setting in spec.observers]
+    for algorithm in sorted(algorithms, key=lambda each: each.rank):  # the first of alternatives names their tree
+        variables = tuple(Reference(name=one.variable.name, place=one.variable.place) for one in algorithm.identifies)
+        if not named & {reference.name for reference in variables}:
+            named |= {reference.name for reference in variables}
+            settings.append(
+                ObserverSetting(name=algorithm.name, place=algorithm.place, identifies=variables, period_s=0.0)
+            )
+    return tuple(settings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refreshed:
+    """Look again at all variables periodically, or on events alone."""
+
+    refresh: Refresh
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"refresh: {self.refresh.value}"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with that `refresh` for all of them."""
+        return replace(spec, context=tuple(replace(variable, refresh=self.refresh) for variable in spec.context))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithoutValidity:
+    """Let every value stand for ever, as P1's flag `known` does (section 3.3)."""
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return "no valid_for"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec without any `valid_for`."""
+        return replace(spec, context=tuple(replace(each, valid_for_s=FOREVER_S) for each in spec.context))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WithoutChanges:
+    """Let no skill say what it changes: what an action makes out of date stays known."""
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return "no changes"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec without any `changes`."""
+        return replace(spec, skills=tuple(replace(skill, changes=()) for skill in spec.skills))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirmed:
+    """Ask several results to agree before a value is believed, wherever a single condition identifies it.
+
+    Attributes:
+        needed: how many, of
+        of: the last so many results; 1 of 1 takes confirmation away.
+        variables: whose names end so.
+    """
+
+    needed: int
+    of: int
+    variables: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"confirm: {self.needed} of {self.of} for {', '.join(f'*{each}' for each in self.variables)}"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with that `confirm`."""
+        return replace(spec, perception=tuple(map(self._confirmed, spec.perception)))
+
+    def _confirmed(self, algorithm: Algorithm) -> Algorithm:
+        entries = (
+            self._asked(entry) if entry.variable.name.endswith(self.variables) else entry
+            for entry in algorithm.identifies
+        )
+        return replace(algorithm, identifies=tuple(entries))
+
+    def _asked(self, entry: Identification) -> Identification:
+        confirm = (self.needed, self.of) if self.of > 1 else None
+        if isinstance(entry.by, Hysteresis):
+            return replace(entry, by=replace(entry.by, confirm=confirm))
+        if isinstance(entry.by, Condition) and confirm:
+            by = Hysteresis(enter=entry.by, leave=None, confirm=confirm, place=entry.by.place)
+            return replace(entry, by=by)
+        return entry
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Without:
+    """Take one condition away: of `observable_when` (a precondition) or of `accept_when` (a refinement).
+
+    Attributes:
+        algorithm: the end of the names of those that lose it, e.g. `_lid` for the lids of all machines.
+        condition: the end of its text, e.g. `_lid_in_FOV`.
+    """
+
+    algorithm: str
+    condition: str
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"*{self.algorithm} without *{self.condition}"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec without that condition.
+
+        Raises:
+            ValueError: if no algorithm has it.
+        """
+        changed = tuple(map(self._without, spec.perception))
+        if changed == spec.perception:
+            raise ValueError(f"no algorithm *{self.algorithm} has a condition *{self.condition}")
+        return replace(spec, perception=changed)
+
+    def _without(self, algorithm: Algorithm) -> Algorithm:
+        if not algorithm.name.endswith(self.algorithm):
+            return algorithm
+        return replace(
+            algorithm,
+            observable_when=self._kept(algorithm.observable_when),
+            accept_when=self._kept(algorithm.accept_when),
+        )
+
+    def _kept(self, conditions: tuple[Condition, ...]) -> tuple[Condition, ...]:
+        return tuple(each for each in conditions if not each.text.endswith(self.condition))

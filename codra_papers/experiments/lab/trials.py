@@ -1,0 +1,327 @@
+"""One run of an experiment, told completely enough to be run again."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from codra_dsl.collector import paused_collector
+from codra_dsl.integrations.inspection import read_spec
+from codra_dsl.runtime import EventLog, Reading
+from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.values.conditions import Value
+from codra_papers.experiments.lab.arms import Arm, observers
+from codra_papers.experiments.lab.fanout import Asked
+from codra_papers.experiments.lab.outcomes import (
+    BEFORE_THE_ACTION,
+    OWN_LOOK,
+    ArmOutcome,
+    Basis,
+    Decision,
+    KeptFrame,
+    Outcome,
+    WrongSpan,
+)
+from codra_papers.experiments.lab.run import ONE_LOOP, ArmRun, LabRun, LabSettings, Work, run_lab
+from codra_papers.experiments.lab.scoring import Piece, overlaps
+from codra_papers.lab.perception.frame import Frame
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One run of an experiment.
+
+    Attributes:
+        name: unique in its experiment; also the name of the file that keeps what came of it.
+        spec: the file of the experiment's spec.
+        laboratory: in which the robot works.
+        answering: the arm that answers the main execution's decisions; None if it looks at each of them.
+        decision_s: how long it takes to ask that arm.
+        repair_s: how long it takes to set things right after an unrecoverable error; None if that ends the run.
+        work: what the main execution does.
+        duration_s: how long it does so at most.
+        frames_kept: how many frames are kept, besides those of wrong decisions, to be looked at again.
+    """
+
+    name: str
+    spec: Path
+    seed: int
+    arms: tuple[Arm, ...]
+    laboratory: Laboratory = LABORATORY
+    answering: str | None = None
+    decision_s: float = 0.0
+    repair_s: float | None = None
+    work: Work = ONE_LOOP
+    duration_s: float | None = None
+    frames_kept: int = 0
+
+    @property
+    def draws_frames(self) -> bool:
+        """Return that it draws frames of the laboratory."""
+        return True
+
+    def run(self, folder: Path) -> Outcome:
+        """Run it; frames that are kept go to the folder."""
+        return run_trial(self, folder)
+
+    def outcome(self, text: str) -> Outcome:
+        """Return what its outcome's `to_json` wrote."""
+        return Outcome.from_json(text)
+
+
+@paused_collector()
+def run_trial(trial: Trial, folder: Path, progress: Callable[[float], None] = lambda _: None) -> Outcome:
+    """Run a trial, and keep frames of what was decided wrongly and of evidence to be looked at again.
+
+    Args:
+        trial: what to run.
+        folder: where frames go; it is made.
+        progress: is told the present instant of the world now and then.
+
+    Raises:
+        SpecError: if the spec, or an arm's, has errors.
+    """
+    spec = read_spec(trial.spec)
+    settings = LabSettings(
+        seed=trial.seed,
+        laboratory=trial.laboratory,
+        duration_s=trial.duration_s,
+        work=trial.work,
+        answering=trial.answering,
+        decision_s=trial.decision_s,
+        repair_s=trial.repair_s,
+        moments=lambda run: _moments(run, trial),
+        progress=progress,
+    )
+    with tempfile.TemporaryDirectory(prefix="codra-") as made:
+        arms = [observers(arm, spec, Path(made) / str(number)) for number, arm in enumerate(trial.arms)]
+        run = run_lab(arms, settings)
+    for name, frame in run.pictures.items():
+        store_frame(frame, folder / name)
+    return _outcome(trial, run)
+
+
+def store_frame(frame: Frame, path: Path) -> None:
+    """Write a frame's pixels as PNG.
+
+    Raises:
+        OSError: if that is not possible.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _, data = cv2.imencode(".png", cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
+    path.write_bytes(data.tobytes())
+
+
+# Which frames are kept
+
+
+def _moments(run: LabRun, trial: Trial) -> Mapping[str, float]:
+    """Return the instants of frames to keep, by file name: of evidence for wrong decisions, and evenly over the run."""
+    instants = {
+        basis.evidence_s
+        for decision in _decisions(run, trial)
+        for basis in (*decision.wrong.values(), decision.wrong_answer)
+        if basis is not None and basis.frame
+    }
+    instants |= {kept.evidence_s for kept in _evenly(run, trial.frames_kept)}
+    return {_file_of(instant_s): instant_s for instant_s in sorted(instants)}
+
+
+def _file_of(instant_s: float) -> str:
+    return f"{instant_s!r}.png"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Evidence:
+    """What a job of an arm returned on a frame."""
+
+    arm: str
+    algorithm: str
+    evidence_s: float
+    values: Mapping[str, Any]
+
+
+def _evenly(run: LabRun, count: int) -> Sequence[_Evidence]:
+    """Return evidence from frames, of all arms, evenly over a run."""
+    found = [
+        _Evidence(arm=arm.name, algorithm=event.name, evidence_s=event.details["evidence_s"][1], values=values)
+        for arm in run.arms
+        for event in arm.record.of(Kind.JOB)
+        if event.what == "returned" and "distance" not in (values := event.details["values"])
+    ]
+    found.sort(key=lambda each: (each.evidence_s, each.arm, each.algorithm))
+    return [found[len(found) * index // count] for index in range(count)] if found else []
+
+
+# What came of it
+
+
+def _outcome(trial: Trial, run: LabRun) -> Outcome:
+    return Outcome(
+        name=trial.name,
+        seed=trial.seed,
+        duration_s=run.duration_s,
+        loops=run.loops,
+        error=run.error,
+        interruptions=list(run.interruptions),
+        frames=run.frames,
+        perceived=run.perceived,
+        truth=run.truth,
+        arms={arm.name: _arm_outcome(arm, run.truth) for arm in run.arms},
+        decisions=_decisions(run, trial),
+        skills=[(span.name, span.start_s, span.end_s) for span in run.skills],
+        kept=list(_kept(run, trial.frames_kept)),
+    )
+
+
+def _arm_outcome(arm: ArmRun, truth: Mapping[str, Sequence[Piece]]) -> ArmOutcome:
+    return ArmOutcome(
+        held=arm.held,
+        wrong=wrong_spans(arm.record, truth),
+        first_s={score.name: score.first_s for score in arm.scores},
+        triggers=arm.jobs,
+        slot_s=sum(spent.slot_s for spent in arm.spent.values()),
+    )
+
+
+def wrong_spans(record: EventLog, truth: Mapping[str, Sequence[Piece]]) -> Mapping[str, Sequence[WrongSpan]]:
+    """Return when held values were not true, by variable, with whether they were when their evidence was taken.
+
+    Args:
+        record: what a context manager identified and forgot.
+        truth: by variable, from 0 s to the end of the run.
+    """
+    found: dict[str, list[Event]] = {name: [] for name in truth}
+    for event in record.of(Kind.VARIABLE):
+        if event.details.get("present") and event.name in found:
+            found[event.name].append(event)
+    return {name: _wrong(events, truth[name]) for name, events in found.items()}
+
+
+def _wrong(events: Sequence[Event], truth: Sequence[Piece]) -> tuple[WrongSpan, ...]:
+    spans: list[WrongSpan] = []
+    ends = (*(event.instant_s for event in events[1:]), truth[-1].end_s)
+    for event, end_s in zip(events, ends, strict=False):  # no event at all leaves one end
+        value = event.details["value"]
+        held = Piece(event.instant_s, end_s, value)
+        for _, fact, duration_s in overlaps([held], truth):
+            if value is None or fact.value == value or duration_s == 0.0:
+                continue
+            start_s, was_true = max(held.start_s, fact.start_s), value_at(truth, event.details["evidence_s"]) == value
+            if spans and spans[-1].end_s == start_s and spans[-1].was_true == was_true:
+                start_s = spans.pop().start_s
+            spans.append(WrongSpan(start_s, min(held.end_s, fact.end_s), was_true))
+    return tuple(spans)
+
+
+def _kept(run: LabRun, count: int) -> Iterator[KeptFrame]:
+    for evidence in _evenly(run, count):
+        name = _file_of(evidence.evidence_s)
+        believed = run.pictures[name].believed_map_from_camera
+        yield KeptFrame(
+            file=name,
+            arm=evidence.arm,
+            algorithm=evidence.algorithm,
+            evidence_s=evidence.evidence_s,
+            values=dict(evidence.values),
+            believed_map_from_camera=(believed.rotation.tolist(), believed.translation_m.tolist()),
+        )
+
+
+def _decisions(run: LabRun, trial: Trial) -> Sequence[Decision]:
+    returned = {arm.name: _returned(arm) for arm in run.arms}
+    answers = returned.get(trial.answering or "", {})
+    return [
+        _decision(asked, truth, returned, _wrong_answer(asked, truth, answers, run.looks_s))
+        for asked in run.asked
+        if (truth := run.truth.get(asked.variable)) is not None
+    ]
+
+
+_Returned = Mapping[tuple[str, float], Mapping[str, Any]]
+"""What jobs returned, by algorithm and the end of their evidence."""
+
+
+def _returned(arm: ArmRun) -> _Returned:
+    return {
+        (event.name, event.details["evidence_s"][1]): event.details["values"]
+        for event in arm.record.of(Kind.JOB)
+        if event.what == "returned"
+    }
+
+
+def _decision(
+    asked: Asked, truth: Sequence[Piece], returned: Mapping[str, _Returned], wrong_answer: Basis | None
+) -> Decision:
+    true_now = value_at(truth, asked.instant_s)
+    held = {arm: reading.content for arm, reading in asked.held.items()}
+    return Decision(
+        instant_s=asked.instant_s,
+        variable=asked.variable,
+        skill=asked.skill,
+        is_preview=asked.since_s <= 0.0,
+        truth=true_now,
+        held=held,
+        fresh={arm: reading.known and reading.evidence_s >= asked.since_s for arm, reading in asked.held.items()},
+        answer=asked.answer,
+        answered_s=asked.answered_s,
+        waited_s=asked.waited_s,
+        looked_s=asked.looked_s,
+        has_looked=asked.has_looked,
+        unanswered=_unanswered(asked),
+        wrong={
+            arm: _basis(reading, truth, returned[arm])
+            for arm, reading in asked.held.items()
+            if reading.known and reading.content != true_now
+        },
+        wrong_answer=wrong_answer,
+    )
+
+
+def _unanswered(asked: Asked) -> str:
+    if not asked.has_looked or asked.last is None:
+        return ""
+    return BEFORE_THE_ACTION if asked.last.reason is None else asked.last.reason.value
+
+
+def _wrong_answer(asked: Asked, truth: Sequence[Piece], returned: _Returned, looks_s: Sequence[float]) -> Basis | None:
+    """Return the basis of an answer that was not true when it was given; None if it was, or there was none."""
+    if asked.answer is None or asked.answer == value_at(truth, asked.answered_s):
+        return None
+    if asked.last is not None and not asked.has_looked:
+        return _basis(asked.last, truth, returned)
+    own_s = [instant_s for instant_s in looks_s if asked.instant_s <= instant_s <= asked.answered_s]
+    evidence_s = own_s[-1] if own_s else asked.answered_s
+    return Basis(
+        algorithm=OWN_LOOK,
+        evidence_s=evidence_s,
+        values={},
+        was_true=value_at(truth, evidence_s) == asked.answer,
+        frame=_file_of(evidence_s) if own_s else "",
+    )
+
+
+def _basis(reading: Reading[Any], truth: Sequence[Piece], returned: _Returned) -> Basis:
+    values = returned.get((reading.source, reading.evidence_s))
+    is_frame = values is not None and "distance" not in values
+    return Basis(
+        algorithm=reading.source,
+        evidence_s=reading.evidence_s,
+        values=dict(values or {}),
+        was_true=value_at(truth, reading.evidence_s) == reading.content,
+        frame=_file_of(reading.evidence_s) if is_frame else "",
+    )
+
+
+def value_at(pieces: Sequence[Piece], instant_s: float) -> Value | None:
+    """Return the value that stands at an instant; at the end of the last piece, what stood before."""
+    for piece in pieces:
+        if instant_s < piece.end_s:
+            return piece.value
+    return pieces[-1].value if pieces else None

@@ -1,0 +1,173 @@
+"""A run in the shop: one robot, what it knows, and the people who order at its page."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from codra_dsl.runtime import ContextManager, EventLog, Journal, SimClock, WallClock
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.loops import Mape
+from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
+from codra_papers.experiments.pacing import Beat, Pace
+from codra_papers.store.mission.agent import Mission
+from codra_papers.store.mission.orders import OrdersByTheBook
+from codra_papers.store.mission.picking import Picking
+from codra_papers.store.simulator.situations import StoreSettings
+from codra_papers.store.simulator.store import Store
+from codra_papers.store.simulator.truth import Score
+
+Start = Callable[..., ContextManager[Any, Any]]
+Loops = Callable[..., Mape]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageSettings:
+    """A run with the picker's page.
+
+    Attributes:
+        port: at which the page is; 0 for one that is free.
+        opened: is told where the page is.
+    """
+
+    port: int = 0
+    opened: Callable[[str], None] = lambda _: None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreRunSettings:
+    """How to run.
+
+    Attributes:
+        shop: how it opens, and what happens in it.
+        duration_s: how long; infinite until it is interrupted.
+        progress: is told the present instant now and then.
+        journal: where it goes, if anywhere.
+        page: None if there is none.
+        opened: is told the shop before anything happens in it, to follow it or to let more happen.
+    """
+
+    shop: StoreSettings = field(default_factory=StoreSettings)
+    duration_s: float = math.inf
+    pace: Pace = Pace.FAST
+    progress: Callable[[float], None] = lambda _: None
+    journal: Path | None = None
+    page: PageSettings | None = None
+    opened: Callable[[Store], None] = lambda _: None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreRun:
+    """What a run came to.
+
+    Attributes:
+        orders: how many there were, by what became of them.
+        record: what was told of the run: the newest of it, if it is very much.
+    """
+
+    duration_s: float
+    score: Score
+    orders: Mapping[str, int]
+    record: EventLog
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled:
+    """What the compiler made of a spec that declares what the shop's agents write.
+
+    Attributes:
+        loops: None if the spec has none; then orders are served by the book.
+    """
+
+    start: Start
+    loops: Loops | None = None
+
+    @classmethod
+    def of(cls, package: ModuleType) -> Compiled:
+        """Return it from its package."""
+        return cls(start=package.start, loops=getattr(package, "loops", None))
+
+
+def run_store(compiled: Compiled, settings: StoreRunSettings) -> StoreRun:
+    """Let the robot serve orders until time is up: by the loops of its spec, or by the book.
+
+    Args:
+        compiled: the spec.
+        settings: how to run.
+
+    Raises:
+        LookupError: if the spec lacks something that the shop's agents name.
+        PermissionError: if it lets others write what is theirs.
+        OSError: if the page's port is taken.
+    """
+    with ExitStack() as stack:
+        clock = LimitedClock(SimClock(), settings.duration_s, settings.progress)
+        record = EventLog() if settings.journal is None else Journal(settings.journal)
+        codra = stack.enter_context(compiled.start(clock=clock, resources={}, seed=settings.shop.seed, record=record))
+        store = Store(clock, settings.shop, codra.knowledge)
+        settings.opened(store)
+        serve = _serving(compiled, codra, clock, stack)
+        act = _page(store, codra, settings.page, stack)
+        Beat(clock, _real(settings.pace, stack), lambda: _beat(act, settings.progress, clock))
+        with suppress(TimeIsUp):
+            serve()
+        return StoreRun(duration_s=clock.now_s(), score=store.judge.score, orders=_outcomes(store), record=record)
+
+
+def _serving(compiled: Compiled, codra: ContextManager[Any, Any], clock: Clock, stack: ExitStack) -> Callable[[], None]:
+    """Return what serves orders for ever."""
+    if compiled.loops is None:
+        return OrdersByTheBook(codra.knowledge, clock).serve
+    robot = {"mission": Mission(codra.knowledge).leaves(), "picking": Picking(codra.knowledge).leaves()}
+    stack.enter_context(compiled.loops(codra, clock=clock, robot=robot))
+    return lambda: clock.sleep(math.inf)
+
+
+def _page(
+    store: Store, codra: ContextManager[Any, Any], settings: PageSettings | None, stack: ExitStack
+) -> Callable[[], None]:
+    """Open the page, if there is to be one; return what serves it."""
+    if settings is None:
+        return lambda: None
+    from codra_papers.store.page.server import PageServer  # noqa: PLC0415 - its libraries are an extra
+
+    server = stack.enter_context(PageServer(store, port=settings.port, variables=codra.model.variables))
+    settings.opened(server.url)
+    return server.desk.serve
+
+
+def _real(pace: Pace, stack: ExitStack) -> WallClock | None:
+    return stack.enter_context(WallClock(start_s=0.0)) if pace is Pace.REAL else None
+
+
+def _beat(act: Callable[[], None], progress: Callable[[float], None], clock: LimitedClock) -> None:
+    act()
+    progress(clock.now_s())
+
+
+def _outcomes(store: Store) -> Mapping[str, int]:
+    snapshot = store.knowledge.snapshot()
+    states = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
+    return dict(sorted(Counter(state.value if state.known else "waiting" for state in states).items()))
+
+
+def store_text(run: StoreRun) -> str:
+    """Return what a run came to, as lines of text."""
+    score = run.score
+    orders = ", ".join(f"{count} {state}" for state, count in run.orders.items()) or "none"
+    return "\n".join(
+        (
+            f"{run.duration_s:.1f} s",
+            f"orders              {orders}",
+            f"missions completed  {score.missions} ({', '.join(score.deliveries) or 'no container was set down'})",
+            f"unsafe seconds      {score.unsafe_s:.1f}",
+            f"bumps               {score.bumps}",
+            f"driven              {score.driven_m:.1f} m",
+        )
+    ) + "\n"  # fmt: skip

@@ -1,0 +1,1 @@
+"""The experiments that `codra experiment` lists: each module or package here with an `EXPERIMENT`."""

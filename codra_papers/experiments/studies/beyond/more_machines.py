@@ -1,0 +1,62 @@
+"""Laboratories with more machines, and the specs for them: the spec under test and one `use` line for each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from math import pi
+from pathlib import Path
+
+from codra_dsl.integrations.inspection import SpecError, source_files
+from codra_papers.lab.perception.layout import Machine, shaker
+from codra_papers.lab.simulator.laboratory import LABORATORY
+
+_USE = re.compile(r"^use:[ \t]*(?:#.*)?\n(?:[ \t]*(?:#.*)?\n)*(?P<indentation>[ ]+)(?=\S)", re.MULTILINE)
+
+_CENTRIFUGE, _PCR_CYCLER = LABORATORY.machines
+
+FURTHER: tuple[Machine, ...] = (
+    shaker(5.3, 1.6, pi),
+    _PCR_CYCLER.named("second_cycler", 40).standing(3.5, 5.2, -pi / 2),
+    _CENTRIFUGE.named("second_centrifuge", 50).standing(5.3, 5.2, -pi / 2),
+    shaker(0.7, 3.8, 0.0).named("left_shaker", 60),
+    _PCR_CYCLER.named("third_cycler", 70).standing(5.8, 3.3, pi),
+    shaker(0.7, 1.5, 0.0).named("door_shaker", 80),
+)
+"""Machines that may stand beside the two of the protocol, in free places of its room."""
+
+
+def use_line(machine: Machine) -> str:
+    """Return the line that makes a spec know a machine."""
+    return f"{machine.name}: {{template: tended_machine, title: {machine.name}}}"
+
+
+def spec_with(spec: Path, machines: Sequence[Machine], folder: Path) -> Path:
+    """Write a spec that differs by a `use` line a machine, with copies of the parts that it includes.
+
+    Args:
+        spec: the spec under test.
+        machines: to be known besides those that it knows.
+        folder: where it goes, under its own name; is made.
+
+    Raises:
+        SpecError: if the spec has errors, or nothing under `use` that the lines could stand with.
+        OSError: if it cannot be written.
+    """
+    home = spec.absolute().parent
+    for part in source_files(spec):
+        if part.is_relative_to(home) and part.is_file():
+            place = folder / part.relative_to(home)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(part.read_bytes())
+    extended = folder / spec.name
+    extended.write_text(_extended(spec.read_text(encoding="utf-8"), machines), encoding="utf-8")
+    return extended
+
+
+def _extended(text: str, machines: Sequence[Machine]) -> str:
+    found = _USE.search(text)
+    if found is None:
+        raise SpecError("the spec has no block of lines under 'use' that further machines could be added to")
+    lines = "".join(f"{use_line(machine)}\n{found['indentation']}" for machine in machines)
+    return f"{text[: found.end()]}{lines}{text[found.end() :]}"

@@ -1,0 +1,185 @@
+"""The numbers of a spec that could have been chosen otherwise, and what makes each of them larger or smaller."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from codra_dsl.language.expression import Node, Number, SyntaxProblem, parse, walk
+from codra_dsl.language.model import FOREVER_S, Algorithm, Condition, Hysteresis, Identification, Spec
+from codra_papers.experiments.lab.spec_variants import SpecVariant
+
+_MACHINES = ("centrifuge", "pcr_cycler")
+
+_FEW = 20
+"""Whole numbers below this count things."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledNumber:
+    """Make the numbers of a condition so many times as large, wherever a spec has that condition.
+
+    Attributes:
+        condition: its text, e.g. `distance < 1.6 m`.
+        variables: the ends of the names of what it identifies; empty for a condition of `accept_when`.
+    """
+
+    condition: str
+    variables: str
+    factor: float
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"'{self.condition}' with {self.factor:g} times its numbers"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with other numbers there."""
+        return replace(spec, perception=tuple(map(self._scaled, spec.perception)))
+
+    def _scaled(self, algorithm: Algorithm) -> Algorithm:
+        if not self.variables:
+            return replace(algorithm, accept_when=tuple(map(self._of, algorithm.accept_when)))
+        return replace(algorithm, identifies=tuple(map(self._identified, algorithm.identifies)))
+
+    def _identified(self, entry: Identification) -> Identification:
+        if not entry.variable.name.endswith(self.variables):
+            return entry
+        match entry.by:
+            case Condition():
+                return replace(entry, by=self._of(entry.by))
+            case Hysteresis(enter=enter, leave=leave):
+                return replace(
+                    entry,
+                    by=replace(entry.by, enter=self._of(enter), leave=None if leave is None else self._of(leave)),
+                )
+            case _:
+                return entry
+
+    def _of(self, condition: Condition) -> Condition:
+        return _with_numbers(condition, self.factor) if condition.text == self.condition else condition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledValidity:
+    """Let values that do not stand for ever stand so many times as long."""
+
+    factor: float
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"{self.factor:g} times each valid_for"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with other `valid_for`."""
+        return replace(
+            spec, context=tuple(replace(each, valid_for_s=each.valid_for_s * self.factor) for each in spec.context)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledPeriod:
+    """Let all observers that the spec names look again after so many times as long."""
+
+    factor: float
+
+    def __str__(self) -> str:
+        """Return it as a report tells it."""
+        return f"{self.factor:g} times each period"
+
+    def __call__(self, spec: Spec) -> Spec:
+        """Return the spec with other periods."""
+        return replace(
+            spec, observers=tuple(replace(each, period_s=each.period_s * self.factor) for each in spec.observers)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A number of the spec, or numbers that belong together.
+
+    Attributes:
+        name: as people read it.
+        smaller: the edit to half of it; for a whole number, rounded up.
+        larger: the edit to one and a half, likewise.
+    """
+
+    name: str
+    smaller: SpecVariant
+    larger: SpecVariant
+
+
+HALF, ONE_AND_A_HALF = 0.5, 1.5
+
+
+def parameters(spec: Spec, besides: str) -> Sequence[Parameter]:
+    """Return all numbers of a spec's conditions, each text once, its validities and its periods.
+
+    Args:
+        spec: with one or more machines.
+        besides: the end of the names of algorithms whose conditions are left out.
+    """
+    found: dict[tuple[str, str], None] = {}
+    for algorithm in (each for each in spec.perception if not each.name.endswith(besides)):
+        found |= {(each.text, ""): None for each in algorithm.accept_when if _numbers(each)}
+        for entry in algorithm.identifies:
+            found |= {(each.text, _end(entry)): None for each in _conditions(entry) if _numbers(each)}
+    numbers = [
+        Parameter(
+            name=f"{text} ({variables.strip('_')})" if variables else text,
+            smaller=ScaledNumber(condition=text, variables=variables, factor=HALF),
+            larger=ScaledNumber(condition=text, variables=variables, factor=ONE_AND_A_HALF),
+        )
+        for text, variables in found
+    ]
+    if any(each.valid_for_s < FOREVER_S for each in spec.context):
+        smaller, larger = (ScaledValidity(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        numbers.append(Parameter(name="valid_for", smaller=smaller, larger=larger))
+    if spec.observers:
+        sooner, later = (ScaledPeriod(factor=factor) for factor in (HALF, ONE_AND_A_HALF))
+        numbers.append(Parameter(name="period of observers", smaller=sooner, larger=later))
+    return numbers
+
+
+def _conditions(entry: Identification) -> Sequence[Condition]:
+    match entry.by:
+        case Condition():
+            return (entry.by,)
+        case Hysteresis(enter=enter, leave=leave):
+            return (enter,) if leave is None else (enter, leave)
+        case _:
+            return ()
+
+
+def _end(entry: Identification) -> str:
+    """Return a variable's name without its machine."""
+    name = entry.variable.name
+    return next((name.removeprefix(machine) for machine in _MACHINES if name.startswith(machine)), name)
+
+
+def _numbers(condition: Condition) -> Sequence[Number]:
+    tree = condition.tree
+    return () if tree is None else [each for each in walk(tree) if isinstance(each, Number)]
+
+
+def _with_numbers(condition: Condition, factor: float) -> Condition:
+    """Return a condition in which each literal is so many times as large."""
+    text = condition.text
+    for number in reversed(_numbers(condition)):
+        written = text[number.start : number.end]
+        _, blank, unit = written.partition(" ")
+        text = f"{text[: number.start]}{_scaled(number.value, factor)}{blank}{unit}{text[number.end :]}"
+    tree = parse(text)
+    assert not isinstance(tree, SyntaxProblem), text
+    return _replaced(condition, text, tree)
+
+
+def _replaced(condition: Condition, text: str, tree: Node) -> Condition:
+    return replace(condition, text=text, tree=tree, letters=None)
+
+
+def _scaled(value: float, factor: float) -> str:
+    """Return a literal; one of few whole things stays whole."""
+    if isinstance(value, int) and value < _FEW:
+        return str(max(math.ceil(value * factor), 1))
+    return f"{value * factor:.6g}"

@@ -1,0 +1,56 @@
+"""What the main execution does where a whole loop would take too long."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from codra_papers.experiments.campaign.experiment import Settings
+from codra_papers.experiments.lab.arms import Arm
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.beyond.arm_comparison import reported_seeds
+from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER, Mission
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tending:
+    """Drive to machines, one after the other, and open and close each.
+
+    Attributes:
+        machines: by name; one may be named again.
+    """
+
+    machines: tuple[str, ...]
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        for machine in self.machines:
+            mission.open_and_close(machine, times=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiting:
+    """Open a machine, wait beside it, and close it.
+
+    Attributes:
+        until_s: the instant when the robot begins to close it.
+    """
+
+    machine: str
+    until_s: float
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        mission.wait_beside(self.machine, self.until_s)
+
+
+def both_and_back(settings: Settings, arms: tuple[Arm, ...]) -> Sequence[Trial]:
+    """Return one run a seed, with all arms in it: 35 minutes.
+
+    The robot tends the centrifuge, the PCR-cycler, and the centrifuge again, of which it must know what it knew.
+    """
+    work = Tending(machines=(CENTRIFUGE, PCR_CYCLER, CENTRIFUGE))
+    return [
+        Trial(name=f"run-{seed}", spec=settings.spec, seed=seed, arms=arms, work=work)
+        for seed in reported_seeds(settings)
+    ]

@@ -1,0 +1,149 @@
+"""`lab-budgets`: what is left of each arm's knowledge when more and more machines share one vision slot?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from codra_dsl.integrations.inspection import read_spec
+from codra_papers.experiments.campaign.cells import interval
+from codra_papers.experiments.campaign.document import Document, Drawing, Section, Words
+from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.lab.arms import NAIVE, NEED, PRECONDITIONS
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.beyond.arm_comparison import (
+    IN_VIEW,
+    LIDS_AND_LATCHES,
+    Standing,
+    reported_seeds,
+    runs_sentence,
+    standings,
+    standings_as_data,
+    standings_tables,
+)
+from codra_papers.experiments.studies.beyond.curves import Curve, Point, curves
+from codra_papers.experiments.studies.beyond.more_machines import FURTHER, spec_with, use_line
+from codra_papers.experiments.studies.beyond.workloads import Tending
+from codra_papers.experiments.studies.robustness.findings import vision_algorithms
+from codra_papers.experiments.studies.robustness.tables import arms_table
+from codra_papers.lab.mission import CENTRIFUGE, PCR_CYCLER
+from codra_papers.lab.simulator.laboratory import LABORATORY
+
+ARMS = (NAIVE, PRECONDITIONS, NEED)
+
+MACHINES = (2, 4, 8)
+"""How many there are, the two of the protocol among them."""
+
+_NOTE = (
+    "Two machines are those of the protocol; the others stand in free places of the same room, each made known to the "
+    "spec by one line under use. The robot tends the PCR-cycler and the centrifuge, whatever else there is, and looks "
+    "at each of its decisions by itself; all observers of an arm share its one vision slot."
+)
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return one run for each number of machines and seed.
+
+    Raises:
+        SpecError: if the spec has errors, or no place for the lines.
+        OSError: if a spec cannot be written.
+    """
+    return [
+        Trial(
+            name=f"machines-{count}-run-{seed}",
+            spec=spec_with(settings.spec, FURTHER[: count - 2], settings.folder / "specs" / str(count)),
+            seed=seed,
+            arms=ARMS,
+            laboratory=LABORATORY.with_machines(*FURTHER[: count - 2]),
+            work=Tending(machines=(PCR_CYCLER, CENTRIFUGE)),
+        )
+        for count in MACHINES
+        for seed in reported_seeds(settings)
+    ]
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on the outcomes of `trials`.
+
+    Raises:
+        SpecError: if the spec has errors, or no place for the lines.
+        OSError: if a spec cannot be written.
+    """
+    vision = {trial.name: vision_algorithms(read_spec(trial.spec)) for trial in trials(settings)}
+    by_count = {
+        count: [outcome for name, outcome in outcomes.items() if name.startswith(f"machines-{count}-")]
+        for count in MACHINES
+    }
+    lids, views = (
+        {count: standings(told, names, NAIVE.name, vision[told[0].name]) for count, told in by_count.items()}
+        for names in (LIDS_AND_LATCHES, IN_VIEW)
+    )
+    return Document(
+        title="lab-budgets: more machines, one vision slot",
+        summary=(*_summary(lids), runs_sentence(list(outcomes.values()))),
+        sections=tuple(_sections(lids, views)),
+        results={
+            "lines": [use_line(machine) for machine in FURTHER],
+            "lids_and_latches": {str(count): standings_as_data(found) for count, found in lids.items()},
+            "in_view": {str(count): standings_as_data(found) for count, found in views.items()},
+        },
+    )
+
+
+_ByCount = Mapping[int, Sequence[Standing]]
+
+
+def _summary(lids: _ByCount) -> Iterator[str]:
+    for count, found in lids.items():
+        for one in found:
+            if one.paper_difference is not None and one.strict_difference is not None:
+                lag = one.lags.quantile_s(0.5)
+                naive = found[0].lags.quantile_s(0.5)
+                yield (
+                    f"With {count} machines, {one.arm} less naive: ratio {interval(one.paper_difference)}, strict "
+                    f"ratio {interval(one.strict_difference)}; median lag {_seconds(lag)} (naive {_seconds(naive)})."
+                )
+
+
+def _seconds(found: float | None) -> str:
+    return "none" if found is None else f"{found:.1f} s"
+
+
+def _sections(lids: _ByCount, views: _ByCount) -> Iterator[Section]:
+    lines = Words(text="The lines, in order: " + "; ".join(use_line(machine) for machine in FURTHER) + ".")
+    yield Section(title="Arms", parts=(Words(text=_NOTE), lines, arms_table(ARMS)))
+    yield Section(title="Over the number of machines", parts=(_drawn(lids),))
+    caption = (
+        "{}, {} machines, over all runs. Differences are to naive observers, with 95 % intervals over paired runs."
+    )
+    for count in lids:
+        parts = (
+            *standings_tables(lids[count], caption.format("Lids and latches of the two machines tended", count)),
+            *standings_tables(views[count], caption.format("Their bases and lids in view", count)),
+        )
+        yield Section(title=f"{count} machines", parts=parts)
+
+
+def _drawn(lids: _ByCount) -> Drawing:
+    told = [
+        Curve(
+            name=arm.name,
+            points=tuple(Point(x=count, y=_of(found, arm.name).strict_ratio) for count, found in lids.items()),
+        )
+        for arm in ARMS
+    ]
+    caption = "Strict ratio of lids and latches of the two machines tended: right of all seconds."
+    return curves(told, "machines that share one vision slot", "strict ratio", caption)
+
+
+def _of(found: Sequence[Standing], arm: str) -> Standing:
+    return next(one for one in found if one.arm == arm)
+
+
+EXPERIMENT = Experiment(
+    name="lab-budgets",
+    question="What is left of each arm's knowledge when two, four and eight machines share one vision slot?",
+    seeds=4,
+    trials=trials,
+    judge=judge,
+)

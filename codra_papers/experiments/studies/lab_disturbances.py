@@ -1,0 +1,280 @@
+"""`lab-disturbances`: what do observers believe when somebody else interferes, and how soon are they right again?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from codra_papers.experiments.campaign.cells import interval, plain_table, rounded
+from codra_papers.experiments.campaign.document import Cell, Document, Section, Table, Words
+from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.campaign.statistics import Estimate, mean_interval
+from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
+from codra_papers.experiments.lab.metrics import Seconds, seconds, total
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.scoring import Piece, overlaps
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.beyond.arm_comparison import reported_seeds, runs_sentence
+from codra_papers.experiments.studies.beyond.workloads import Waiting
+from codra_papers.experiments.studies.robustness import drawings
+from codra_papers.experiments.studies.robustness.findings import label
+from codra_papers.experiments.studies.robustness.tables import arms_table
+from codra_papers.lab.mission import PCR_CYCLER
+from codra_papers.lab.simulator.laboratory import LABORATORY, Disturbance, LidMoved, LightDown, PersonBefore
+
+ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
+
+LID = f"{PCR_CYCLER}_open"
+WATCHED = (LID, f"{PCR_CYCLER}_locked", f"{PCR_CYCLER}_base_in_FOV", f"{PCR_CYCLER}_lid_in_FOV")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Episode:
+    """A disturbance and the quiet after it.
+
+    Attributes:
+        start_s: when it begins.
+        over_s: when it is over.
+        until_s: to when it is looked at what was believed after it.
+    """
+
+    name: str
+    start_s: float
+    over_s: float
+    until_s: float
+    disturbances: tuple[Disturbance, ...]
+
+
+EPISODES = (
+    Episode(
+        name="the light goes down",
+        start_s=800.0,
+        over_s=861.0,
+        until_s=940.0,
+        disturbances=(LightDown(at_s=800.0, lasts_s=60.0, light=0.02),),
+    ),
+    Episode(
+        name="a person stands before the camera",
+        start_s=940.0,
+        over_s=1002.0,
+        until_s=1080.0,
+        disturbances=(PersonBefore(at_s=940.0, lasts_s=60.0),),
+    ),
+    Episode(
+        name="somebody closes the lid",
+        start_s=1080.0,
+        over_s=1083.0,
+        until_s=1160.0,
+        disturbances=(LidMoved(at_s=1080.0, machine=PCR_CYCLER, open_share=0.0),),
+    ),
+    Episode(
+        name="somebody opens the lid",
+        start_s=1160.0,
+        over_s=1163.0,
+        until_s=1240.0,
+        disturbances=(LidMoved(at_s=1160.0, machine=PCR_CYCLER, open_share=1.0),),
+    ),
+    Episode(
+        name="behind a person, somebody closes the lid",
+        start_s=1240.0,
+        over_s=1302.0,
+        until_s=1380.0,
+        disturbances=(
+            PersonBefore(at_s=1240.0, lasts_s=60.0),
+            LidMoved(at_s=1260.0, machine=PCR_CYCLER, open_share=0.0),
+        ),
+    ),
+)
+"""What happens in each run, at the same instants: late enough for a slip or two to be mended before."""
+
+_NOTE = (
+    "The robot opens the PCR-cycler, draws its arm back, and waits beside it, where its camera sees the whole machine. "
+    "Then this happens, to all arms alike, and at the end the robot closes what is open. It looks at each of its own "
+    "decisions by itself. Nobody tells any arm that something happened. Disturbances follow one another: an arm that "
+    "never noticed the lid being closed is right again by itself once somebody opens it."
+)
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return one run a seed, with all disturbances in it."""
+    laboratory = replace(LABORATORY, disturbances=tuple(each for episode in EPISODES for each in episode.disturbances))
+    return [
+        Trial(
+            name=f"run-{seed}",
+            spec=settings.spec,
+            seed=seed,
+            arms=ARMS,
+            laboratory=laboratory,
+            work=Waiting(machine=PCR_CYCLER, until_s=EPISODES[-1].until_s),
+        )
+        for seed in reported_seeds(settings)
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Belief:
+    """What an arm believed of a variable in one episode, over runs.
+
+    Attributes:
+        during: while the disturbance lasted.
+        after: from its end on.
+        right_again_s: by run, from the disturbance's begin to the instant from which on the arm was right; None if it
+            was not at the end.
+    """
+
+    episode: Episode
+    variable: str
+    arm: str
+    during: Seconds
+    after: Seconds
+    right_again_s: Sequence[float | None]
+
+
+def believed(outcomes: Sequence[Outcome], episode: Episode, variable: str, arm: str) -> Belief:
+    """Return what an arm believed in the runs that lasted through an episode."""
+    pairs = [
+        (outcome.arms[arm].held[variable], outcome.truth[variable])
+        for outcome in outcomes
+        if outcome.duration_s >= episode.until_s
+    ]
+    return Belief(
+        episode=episode,
+        variable=variable,
+        arm=arm,
+        during=total(_within(held, truth, episode.start_s, episode.over_s) for held, truth in pairs),
+        after=total(_within(held, truth, episode.over_s, episode.until_s) for held, truth in pairs),
+        right_again_s=[right_again_s(held, truth, episode.start_s, episode.until_s) for held, truth in pairs],
+    )
+
+
+def _within(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> Seconds:
+    told = [Piece(each.start_s, min(each.end_s, end_s), each.value) for each in truth if each.start_s < end_s]
+    return seconds(held, told, start_s)
+
+
+def right_again_s(held: Sequence[Piece], truth: Sequence[Piece], start_s: float, end_s: float) -> float | None:
+    """Return how long after an instant a held value became right to stay so until another; None if it did not.
+
+    Unknown is not right.
+    """
+    last_s = start_s
+    for piece, fact, _ in overlaps(held, truth):
+        until_s = min(piece.end_s, fact.end_s, end_s)
+        if until_s > last_s and max(piece.start_s, fact.start_s) < end_s and piece.value != fact.value:
+            last_s = until_s
+    return None if last_s >= end_s else last_s - start_s
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on the outcomes of `trials`."""
+    del settings
+    told = list(outcomes.values())
+    found = [believed(told, episode, name, arm.name) for episode in EPISODES for name in WATCHED for arm in ARMS]
+    return Document(
+        title="lab-disturbances: what observers believe when somebody else interferes",
+        summary=(*_summary(found), runs_sentence(told)),
+        sections=(
+            Section(title="Arms", parts=(Words(text=_NOTE), arms_table(ARMS))),
+            *(_section(episode, [one for one in found if one.episode is episode]) for episode in EPISODES),
+            Section(
+                title="One run over time",
+                parts=tuple(
+                    drawings.timeline(told[0], name, "What was true and what each arm held; red behind what was wrong.")
+                    for name in (LID, WATCHED[2])
+                ),
+            ),
+        ),
+        results={episode.name: [_as_data(one) for one in found if one.episode is episode] for episode in EPISODES},
+    )
+
+
+def _section(episode: Episode, found: Sequence[Belief]) -> Section:
+    caption = (
+        f"From {episode.start_s:g} s to {episode.over_s:g} s, and after it to {episode.until_s:g} s: seconds over all "
+        "runs. Marked: seconds wrong."
+    )
+    rows = [_believed_row(one) for one in found]
+    header = ("variable", "arm", "during: right s", "wrong s", "unknown s", "after: right s", "wrong s", "unknown s")
+    marked = frozenset((row, column) for row, cells in enumerate(rows) for column in (3, 6) if cells[column])
+    again = plain_table(
+        "Right again: mean from the begin to when the arm was right to stay so, over the runs in which it was before "
+        "the next disturbance; unknown is not right. Less naive: with 95 % intervals over the runs in which both were.",
+        ("variable", "arm", "right again s", "less naive s", "runs never"),
+        [_again_row(one, _naive(found, one.variable)) for one in found],
+    )
+    parts = (Table(caption=caption, header=header, rows=rows, marked=marked), again)
+    return Section(title=episode.name.capitalize(), parts=parts)
+
+
+def _believed_row(one: Belief) -> Sequence[Cell]:
+    during, after = one.during, one.after
+    return (
+        label(one.variable),
+        one.arm,
+        *(round(each, 1) for each in (during.right_s, during.wrong_s, during.unknown_s)),
+        *(round(each, 1) for each in (after.right_s, after.wrong_s, after.unknown_s)),
+    )
+
+
+def _again_row(one: Belief, naive: Belief) -> Sequence[Cell]:
+    told = [each for each in one.right_again_s if each is not None]
+    return (
+        label(one.variable),
+        one.arm,
+        rounded(math.fsum(told) / len(told), 1) if told else None,
+        None if one.arm == naive.arm else interval(_less(one, naive), 1),
+        len(one.right_again_s) - len(told),
+    )
+
+
+def _naive(found: Sequence[Belief], variable: str) -> Belief:
+    return next(one for one in found if one.variable == variable and one.arm == NAIVE.name)
+
+
+def _less(one: Belief, other: Belief) -> Estimate:
+    """Return how much later one arm was right again than another, over the runs in which both were."""
+    pairs = zip(one.right_again_s, other.right_again_s, strict=True)
+    both = [left - right for left, right in pairs if left is not None and right is not None]
+    return mean_interval(both) if both else Estimate(value=None, low=None, high=None)
+
+
+def _summary(found: Sequence[Belief]) -> Iterator[str]:
+    for episode in EPISODES:
+        lids = [one for one in found if one.episode is episode and one.variable == LID]
+        what = f"{episode.name.capitalize()}, {len(lids[0].right_again_s)} runs"
+        if not any(_wrong_s(one) for one in lids):
+            yield f"{what}: no arm was wrong about {label(LID)} for any time."
+        else:
+            yield f"{what}: {'; '.join(f'{one.arm}, {_wrong_s(one):.0f} s wrong, {_again(one)}' for one in lids)}."
+
+
+def _wrong_s(one: Belief) -> float:
+    return one.during.wrong_s + one.after.wrong_s
+
+
+def _again(one: Belief) -> str:
+    told = [each for each in one.right_again_s if each is not None]
+    never = len(one.right_again_s) - len(told)
+    mean = f"right again after {math.fsum(told) / len(told):.1f} s" if told else "not right again"
+    return f"{mean} ({never} of {len(one.right_again_s)} runs never)" if told and never else mean
+
+
+def _as_data(one: Belief) -> Mapping[str, Any]:
+    return {
+        "variable": label(one.variable),
+        "arm": one.arm,
+        "during_s": {"right": one.during.right_s, "wrong": one.during.wrong_s, "unknown": one.during.unknown_s},
+        "after_s": {"right": one.after.right_s, "wrong": one.after.wrong_s, "unknown": one.after.unknown_s},
+        "right_again_s": list(one.right_again_s),
+    }
+
+
+EXPERIMENT = Experiment(
+    name="lab-disturbances",
+    question="What do observers believe when somebody else interferes, and how soon are they right again?",
+    seeds=10,
+    trials=trials,
+    judge=judge,
+)

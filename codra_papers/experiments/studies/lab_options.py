@@ -1,0 +1,118 @@
+"""`lab-options`: what do validity, changes, confirmation and looking on events each do?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from codra_dsl.integrations.inspection import read_spec
+from codra_dsl.language.model import Refresh
+from codra_papers.experiments.campaign.cells import interval
+from codra_papers.experiments.campaign.document import Document, Section, Words
+from codra_papers.experiments.campaign.experiment import Experiment, Settings
+from codra_papers.experiments.lab.arms import NAIVE, Arm, Need
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.spec_variants import (
+    Confirmed,
+    Refreshed,
+    SpecVariant,
+    WithoutChanges,
+    WithoutValidity,
+)
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.beyond.arm_comparison import (
+    IN_VIEW,
+    LIDS_AND_LATCHES,
+    Standing,
+    runs_sentence,
+    standings,
+    standings_as_data,
+    standings_tables,
+)
+from codra_papers.experiments.studies.beyond.workloads import both_and_back
+from codra_papers.experiments.studies.robustness.findings import vision_algorithms
+from codra_papers.experiments.studies.robustness.tables import arms_table
+
+AS_IT_STANDS = Arm(name="as it stands", need=Need.ANNOUNCED)
+
+_JUDGED = ("_open", "_locked")
+
+OPTIONS: Mapping[str, SpecVariant] = {
+    "without validity": WithoutValidity(),
+    "without changes": WithoutChanges(),
+    "without confirmation": Confirmed(needed=1, of=1, variables=_JUDGED),
+    "confirmed, 2 of 2": Confirmed(needed=2, of=2, variables=_JUDGED),
+    "confirmed, 2 of 3": Confirmed(needed=2, of=3, variables=_JUDGED),
+    "periodic": Refreshed(refresh=Refresh.PERIODIC),
+    "on event": Refreshed(refresh=Refresh.ON_EVENT),
+}
+"""The options, each changed alone: on where the spec has it off, off where it has it on."""
+
+_NOTE = (
+    "Each arm changes one option of the spec and nothing else; an option that the spec has already that way is left "
+    "out. All of them look only while a skill needs the variable, on the same frames. The main execution looks at each "
+    "of its decisions by itself. It tends the centrifuge, the PCR-cycler and the centrifuge again, which is shorter "
+    "than a loop: no tray is carried and no rotor turned."
+)
+
+
+def arms(settings: Settings) -> tuple[Arm, ...]:
+    """Return the spec as it stands, and with each option changed that changes it; and naive observers to compare."""
+    spec = read_spec(settings.spec)
+    changed = [AS_IT_STANDS.edited(name, edit) for name, edit in OPTIONS.items() if edit(spec) != spec]
+    return (AS_IT_STANDS, *changed, NAIVE)
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return one run a seed, with all arms in it."""
+    return both_and_back(settings, arms(settings))
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on the outcomes of `trials`.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
+    told, vision = list(outcomes.values()), vision_algorithms(read_spec(settings.spec))
+    lids, views = (standings(told, names, AS_IT_STANDS.name, vision) for names in (LIDS_AND_LATCHES, IN_VIEW))
+    caption = "{}, over all runs. Differences are to the spec as it stands, with 95 % intervals over paired runs."
+    return Document(
+        title="lab-options: what each option does",
+        summary=(*_summary(lids), runs_sentence(told)),
+        sections=(
+            Section(title="Arms", parts=(Words(text=_NOTE), arms_table(arms(settings)))),
+            Section(
+                title="Lids and latches",
+                parts=standings_tables(lids, caption.format("Lids and latches of both machines")),
+            ),
+            Section(
+                title="What is in view",
+                parts=standings_tables(views, caption.format("Bases and lids in view")),
+            ),
+        ),
+        results={"lids_and_latches": standings_as_data(lids), "in_view": standings_as_data(views)},
+    )
+
+
+def _summary(found: Sequence[Standing]) -> Iterator[str]:
+    base = found[0]
+    for one in found[1:]:
+        if one.paper_difference is None or one.strict_difference is None:
+            continue
+        fewer = (
+            "no triggers to compare" if not base.triggers else f"{one.triggers / base.triggers:.2f} times the triggers"
+        )
+        yield (
+            f"{one.arm}: ratio {interval(one.paper_difference)}, strict ratio {interval(one.strict_difference)} "
+            f"against the spec as it stands; {fewer}, {one.answers.wrong} wrong values at decisions (as it stands: "
+            f"{base.answers.wrong})."
+        )
+
+
+EXPERIMENT = Experiment(
+    name="lab-options",
+    question="What do validity, changes, confirmation and looking on events each do to what is known?",
+    seeds=6,
+    trials=trials,
+    judge=judge,
+)

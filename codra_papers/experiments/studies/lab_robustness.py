@@ -1,0 +1,214 @@
+"""`lab-robustness`: does context make observers steadier, and what does it save (P1, section 4.1)?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.integrations.inspection import read_spec
+from codra_papers.experiments.campaign.document import Document, Drawing, Section, Words
+from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Experiment, Settings
+from codra_papers.experiments.lab.arms import NAIVE, NAIVE_PACED, NEED, NEED_ON_EVENT, PRECONDITIONS
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.robustness import drawings, results, summary, tables
+from codra_papers.experiments.studies.robustness.findings import (
+    LIDS,
+    VARIABLES,
+    Comparison,
+    Runs,
+    compare,
+    label,
+    paper,
+    strict,
+    vision_algorithms,
+)
+from codra_papers.experiments.studies.robustness.frames import DetectedAgain, detect_again
+from codra_papers.experiments.studies.robustness.mistakes import Mistake, mistakes, mistakes_table, photographs
+
+ARMS = (NAIVE, NAIVE_PACED, PRECONDITIONS, NEED, NEED_ON_EVENT)
+
+FURTHER_ARMS = tuple(arm for arm in ARMS if arm is not NAIVE_PACED)
+"""Those of the runs for intervals: what P1's pace does to the naive observers, the runs of the tables tell."""
+
+RUNS = 10
+"""As in P1's Table 2."""
+
+FIRST_FURTHER_SEED = FIRST_REPORTED_SEED + RUNS
+"""Intervals are over runs of these seeds, none of which is in a table."""
+
+FRAMES_KEPT = 25
+"""Of each run in the tables, to be detected again."""
+
+COMPARED = (
+    *((arm.name, NAIVE.name) for arm in FURTHER_ARMS if arm is not NAIVE),
+    (NEED.name, PRECONDITIONS.name),
+    (NEED_ON_EVENT.name, NEED.name),
+)
+"""The pairs of arms whose difference is told: each arm, less the one that it is compared with."""
+
+_NOTE = (
+    "All arms watch the same frames of a run, each with a vision slot of its own; the same work begun at the same "
+    "instant takes the same time in each. The main execution looks at each of its decisions by itself and uses none of "
+    "them, so what happens in a run depends on no arm. Right, wrong and unknown seconds add up to the run. Ratios over "
+    "runs are of sums, as in P1's Total."
+)
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return the ten runs of the tables, and the further ones."""
+    seeds = range(FIRST_REPORTED_SEED, FIRST_FURTHER_SEED + settings.seeds)
+    return [
+        Trial(
+            name=f"run-{seed}",
+            spec=settings.spec,
+            seed=seed,
+            arms=ARMS if seed < FIRST_FURTHER_SEED else FURTHER_ARMS,
+            frames_kept=FRAMES_KEPT if seed < FIRST_FURTHER_SEED else 0,
+        )
+        for seed in seeds
+    ]
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on the outcomes of `trials`.
+
+    Raises:
+        SpecError: if the spec has errors.
+    """
+    found = _found(settings, outcomes)
+    return Document(
+        title="lab-robustness: observer stability through context",
+        summary=tuple(_summary(found)),
+        sections=tuple(_sections(settings, found)),
+        results=_results(found),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """Everything that the report tells.
+
+    Attributes:
+        runs: those of the tables.
+        further: those of the intervals.
+        vision: the algorithms that need the vision slot.
+        wrong: at decisions, of the runs of the tables.
+    """
+
+    runs: Runs
+    further: Runs
+    vision: Sequence[str]
+    comparisons: Sequence[Comparison]
+    wrong: Sequence[Mistake]
+    again: Sequence[DetectedAgain]
+
+
+def _found(settings: Settings, outcomes: Mapping[str, Outcome]) -> _Found:
+    spec = read_spec(settings.spec)
+    runs = Runs([outcome for outcome in outcomes.values() if outcome.seed < FIRST_FURTHER_SEED])
+    further = Runs([outcome for outcome in outcomes.values() if outcome.seed >= FIRST_FURTHER_SEED])
+    return _Found(
+        runs=runs,
+        further=further,
+        vision=vision_algorithms(spec),
+        comparisons=[compare(further, name, arm, against) for name in VARIABLES for arm, against in COMPARED],
+        wrong=mistakes(runs),
+        again=detect_again(spec, runs.outcomes, settings.folder),
+    )
+
+
+def _summary(found: _Found) -> Iterator[str]:
+    yield from summary.ratio_sentences(found.runs, found.comparisons)
+    yield from summary.cause_sentences(found.runs)
+    yield from summary.trigger_sentences(found.runs, found.vision)
+    yield from summary.decision_sentences(found.runs, found.wrong)
+    yield from summary.frame_sentences(found.runs, found.again)
+
+
+def _sections(settings: Settings, found: _Found) -> Iterator[Section]:
+    runs = found.runs
+    yield Section(title="Runs and arms", parts=(Words(text=_NOTE), tables.arms_table(ARMS), tables.runs_table(runs)))
+    for name in LIDS:
+        parts = (tables.table_2(runs, name), tables.table_2_of_the_paper(name))
+        yield Section(title=f"Table 2: {label(name)}", parts=parts)
+    yield _all_variables(runs)
+    yield _intervals(found)
+    yield Section(
+        title="Triggers",
+        parts=(
+            tables.triggers_table(runs, found.vision),
+            tables.reduction_table(runs, found.further, (NAIVE.name, NAIVE_PACED.name), found.vision),
+        ),
+    )
+    yield Section(title="First knowledge and lag", parts=(tables.knowledge_table(runs),))
+    yield _over_time(runs)
+    yield Section(title="When decisions needed a value", parts=(tables.answers_table(runs), *_rings(runs, found.wrong)))
+    yield Section(
+        title="Decisions on wrong values",
+        parts=(mistakes_table(found.wrong), *photographs(found.wrong, settings.folder)),
+    )
+    yield Section(title="Why values were wrong", parts=(tables.causes_table(runs),))
+    yield Section(title="Frames", parts=(Words(text=" ".join(summary.frame_sentences(runs, found.again))),))
+
+
+def _all_variables(runs: Runs) -> Section:
+    return Section(
+        title="All fourteen variables",
+        parts=(
+            tables.ratio_table(runs, paper, "Ratio: right of held seconds in the common window, over all runs."),
+            tables.ratio_table(runs, strict, "Strict ratio: right of all seconds in the same window."),
+            tables.seconds_table(runs),
+        ),
+    )
+
+
+def _intervals(found: _Found) -> Section:
+    told = tables.comparison_table(found.comparisons)
+    if not found.further.outcomes:
+        return Section(title="How sure differences are", parts=(Words(text="No further seeds were run."),))
+    caption = "Differences between arms with their 95 % intervals; to the right of zero the first arm is better."
+    return Section(title="How sure differences are", parts=(drawings.forest(found.comparisons, caption), told))
+
+
+def _over_time(runs: Runs) -> Section:
+    caption = "What was true and what each arm held over one run, as P1's Figure 6; red behind what was wrong."
+    return Section(
+        title="One run over time",
+        parts=tuple(drawings.timeline(outcome, LIDS[0], caption) for outcome in runs.outcomes[:1]),
+    )
+
+
+def _rings(runs: Runs, wrong: Sequence[Mistake]) -> Iterator[Drawing]:
+    """Draw decisions, as P1's Figure 7 does, for each lid in the run with the most wrong ones."""
+    for name in LIDS:
+        counts = [
+            sum(mistake.outcome is outcome and mistake.decision.variable == name for mistake in wrong)
+            for outcome in runs.outcomes
+        ]
+        outcome = runs.outcomes[counts.index(max(counts))]
+        caption = (
+            f"Where the main execution needed {label(name)}, as P1's Figure 7, in the run in which most held values "
+            "were wrong then; magenta where they were. A ring in the middle: the arm held nothing."
+        )
+        yield drawings.decisions(outcome, name, caption)
+
+
+def _results(found: _Found) -> Mapping[str, object]:
+    return {
+        "tables": results.runs_as_data(found.runs),
+        "further": results.runs_as_data(found.further),
+        "intervals": results.comparisons_as_data(found.comparisons),
+        "decisions_on_wrong_values": results.mistakes_as_data(found.wrong),
+        "frames_detected_again": results.detected_as_data(found.again),
+        "paper": results.paper_as_data(),
+    }
+
+
+EXPERIMENT = Experiment(
+    name="lab-robustness",
+    question="Does context make observers steadier, and how much perception does it save (P1, section 4.1)?",
+    seeds=20,
+    trials=trials,
+    judge=judge,
+)

@@ -1,0 +1,16 @@
+"""P1, section 4.2: how much less time the main execution needs with observers."""
+
+from __future__ import annotations
+
+from codra_papers.experiments.campaign.experiment import Experiment
+from codra_papers.experiments.studies.lab_runtime.judgement import judge
+from codra_papers.experiments.studies.lab_runtime.runs import trials
+
+EXPERIMENT = Experiment(
+    name="lab-runtime",
+    question="How much time does the main execution save with observers, and why (P1, section 4.2)?",
+    seeds=20,
+    trials=trials,
+    judge=judge,
+)
+"""P1's sample of five openings and five closings, further seeds for intervals, and a day of seven hours."""

@@ -1,0 +1,100 @@
+"""P1's Figure 8, of our own runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from codra_papers.experiments.studies.lab_runtime.finding import deviation, mean
+
+_WITHOUT, _WITHOUT_PERCEPTION = "#e9b078", "#c9660a"
+_OBSERVED, _OBSERVED_PERCEPTION = "#9dbfdd", "#1f5f99"
+_WIDTH = 0.38
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bars:
+    """One task's bars.
+
+    Attributes:
+        whole_s: durations of each execution, without observers and with them; `perception_s`: of its perception.
+        whole_share: by how much less it is with observers; `perception_share`: perception likewise.
+    """
+
+    task: str
+    whole_s: tuple[Sequence[float], Sequence[float]]
+    perception_s: tuple[Sequence[float], Sequence[float]]
+    whole_share: float | None
+    perception_share: float | None
+
+
+def figure_8(bars: Sequence[Bars]) -> str:
+    """Return, as SVG, two bars for each task and for its perception: without and with observers.
+
+    Whiskers are the standard deviations of the executions.
+    """
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
+    axes = figure.subplots(1, 2, width_ratios=(1, 1))
+    _panel(axes[0], "whole task", [(each.task, each.whole_s, each.whole_share) for each in bars], _WITHOUT, _OBSERVED)
+    _panel(
+        axes[1],
+        "perception",
+        [(each.task, each.perception_s, each.perception_share) for each in bars],
+        _WITHOUT_PERCEPTION,
+        _OBSERVED_PERCEPTION,
+    )
+    axes[0].set_ylabel("duration in s")
+    with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
+        written = StringIO()
+        figure.savefig(written, format="svg", metadata={"Date": None})
+    return written.getvalue()
+
+
+_Rows = Sequence[tuple[str, tuple[Sequence[float], Sequence[float]], float | None]]
+
+
+def _panel(axes: Axes, title: str, rows: _Rows, without: str, observed: str) -> None:
+    """Draw one pair of bars for each task, and above it by how much the second is less."""
+    tops = [_pair(axes, place, durations_s, (without, observed)) for place, (_, durations_s, _) in enumerate(rows)]
+    for place, (top_s, (_, _, share)) in enumerate(zip(tops, rows, strict=True)):
+        if share is not None:
+            axes.annotate(f"{-100 * share:+.0f} %", (place, top_s), (0, 6), textcoords="offset points", ha="center")
+    axes.set_xticks(range(len(rows)), [task for task, _, _ in rows])
+    axes.set_ylim(0, 1.28 * max(tops, default=0.0) or 1.0)
+    axes.set_title(title, fontsize=11)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(
+        handles=[Patch(color=without, label="without observers"), Patch(color=observed, label="with observers")],
+        frameon=False,
+        loc="upper center",
+        ncols=2,
+        fontsize=8,
+    )
+
+
+def _pair(
+    axes: Axes, place: float, durations_s: tuple[Sequence[float], Sequence[float]], colours: tuple[str, str]
+) -> float:
+    """Draw two bars with whiskers; return where the higher one ends."""
+    tops = [0.0]
+    for side, found, colour in zip((-0.5, 0.5), durations_s, colours, strict=True):
+        middle_s, around_s = mean(found) or 0.0, deviation(found) or 0.0
+        where = place + side * (_WIDTH + 0.02)
+        axes.bar(where, middle_s, _WIDTH, color=colour, yerr=around_s, capsize=4, ecolor="#333333")
+        axes.annotate(
+            f"{middle_s:.0f}",
+            (where, 0),
+            (0, 4),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color="white" if colour in (_WITHOUT_PERCEPTION, _OBSERVED_PERCEPTION) else "black",
+        )
+        tops.append(middle_s + around_s)
+    return max(tops)

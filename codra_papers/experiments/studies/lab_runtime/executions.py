@@ -1,0 +1,105 @@
+"""What the main execution spent its time on while it opened and closed a machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+from codra_papers.experiments.lab.outcomes import Decision, Outcome
+from codra_papers.lab.mission import PCR_CYCLER
+
+
+class Task(StrEnum):
+    """What P1 measured (section 4.2)."""
+
+    OPENING = "opening"
+    CLOSING = "closing"
+
+
+SKILLS = {
+    Task.OPENING: (f"unlock_{PCR_CYCLER}", f"open_{PCR_CYCLER}"),
+    Task.CLOSING: (f"close_{PCR_CYCLER}", f"lock_{PCR_CYCLER}"),
+}
+"""Opening includes unlocking, and closing locking (P1, Figure 8)."""
+
+_WITHOUT_CAMERA = ("_is_localized", "_in_manipulation_distance")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Execution:
+    """One opening or closing.
+
+    Attributes:
+        previews: the perception tasks before an action; `monitors`: those after one.
+        others: decisions that need no camera: how far the robot stands from the machine.
+    """
+
+    task: Task
+    start_s: float
+    end_s: float
+    previews: Sequence[Decision]
+    monitors: Sequence[Decision]
+    others: Sequence[Decision]
+
+    @property
+    def checks(self) -> Sequence[Decision]:
+        """Return its perception tasks."""
+        return (*self.previews, *self.monitors)
+
+    @property
+    def duration_s(self) -> float:
+        """Return how long it took as a whole: perception, other decisions and what is left, which is acting."""
+        return self.end_s - self.start_s
+
+    @property
+    def perception_s(self) -> float:
+        """Return how long its perception tasks took."""
+        return spent_s(self.checks)
+
+    @property
+    def acting_s(self) -> float:
+        """Return how long it took to plan and to move."""
+        return self.duration_s - self.perception_s - spent_s(self.others)
+
+
+def needs_the_camera(decision: Decision) -> bool:
+    """Return whether a decision is a perception task: without observers the robot moves its camera for it."""
+    return not decision.variable.endswith(_WITHOUT_CAMERA)
+
+
+def spent_s(decisions: Iterable[Decision]) -> float:
+    """Return the time from asking to having the answer, over all decisions: asking, waiting and looking."""
+    return sum(decision.answered_s - decision.instant_s for decision in decisions)
+
+
+def executions(outcome: Outcome) -> Sequence[Execution]:
+    """Return the openings and closings that a run brought to their end, in order of time."""
+    skills = outcome.skills if outcome.error is None else outcome.skills[:-1]
+    return [
+        _execution(task, first, second, outcome.decisions)
+        for first, second in pairwise(skills)
+        for task, names in SKILLS.items()
+        if (first[0], second[0]) == names
+    ]
+
+
+def _execution(
+    task: Task, first: tuple[str, float, float], second: tuple[str, float, float], decisions: Sequence[Decision]
+) -> Execution:
+    made = [
+        decision
+        for decision in decisions
+        for name, start_s, end_s in (first, second)
+        if decision.skill == name and start_s <= decision.instant_s <= end_s
+    ]
+    checks = [decision for decision in made if needs_the_camera(decision)]
+    return Execution(
+        task=task,
+        start_s=first[1],
+        end_s=second[2],
+        previews=[decision for decision in checks if decision.is_preview],
+        monitors=[decision for decision in checks if not decision.is_preview],
+        others=[decision for decision in made if not needs_the_camera(decision)],
+    )

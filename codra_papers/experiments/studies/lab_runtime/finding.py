@@ -1,0 +1,65 @@
+"""One part of what was found: for the eye, in sentences, and as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from statistics import fmean, stdev
+from typing import Any
+
+from codra_papers.experiments.campaign.document import Section
+from codra_papers.experiments.campaign.statistics import LEVEL, Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One part of a report.
+
+    Attributes:
+        results: by keys that no other part uses, with units in them.
+    """
+
+    section: Section
+    summary: Sequence[str]
+    results: Mapping[str, Any]
+
+
+def mean(values: Sequence[float]) -> float | None:
+    """Return the mean; None of nothing."""
+    return fmean(values) if values else None
+
+
+def deviation(values: Sequence[float]) -> float | None:
+    """Return the standard deviation of a sample; None if it has fewer than two values."""
+    return stdev(values) if len(values) > 1 else None
+
+
+def rounded(value: float | None, digits: int = 2) -> float | None:
+    """Return a number as it is shown."""
+    return None if value is None else round(value, digits) + 0.0  # no minus before nothing
+
+
+def percent(share: float | None) -> float | None:
+    """Return a share in percent, as it is shown."""
+    return None if share is None else round(100.0 * share, 1)
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return mean and standard deviation as they are shown."""
+    middle, around = rounded(mean(values)), rounded(deviation(values))
+    return "none" if middle is None else f"{middle}" if around is None else f"{middle} ± {around}"
+
+
+def between(estimate: Estimate, *, scale: float = 1.0, digits: int = 2) -> str:
+    """Return an estimate with its interval as it is shown."""
+    if estimate.value is None:
+        return "none"
+    told = f"{scale * estimate.value:.{digits}f}"
+    if estimate.low is None or estimate.high is None:
+        return told
+    return f"{told} [{scale * estimate.low:.{digits}f}, {scale * estimate.high:.{digits}f}]"
+
+
+def plain(estimate: Estimate) -> Mapping[str, float | None]:
+    """Return an estimate as data."""
+    return {**asdict(estimate), "level": LEVEL}

@@ -1,0 +1,81 @@
+"""What is made of all runs: a report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from codra_papers.experiments.campaign.document import Document, Section, Table, Words
+from codra_papers.experiments.campaign.experiment import Settings
+from codra_papers.experiments.lab.arms import NEED_ON_EVENT
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.studies.lab_runtime.day import judge_day
+from codra_papers.experiments.studies.lab_runtime.finding import rounded
+from codra_papers.experiments.studies.lab_runtime.paper import EXECUTIONS
+from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, day_pair, tending_pairs
+from codra_papers.experiments.studies.lab_runtime.sources import sources
+from codra_papers.experiments.studies.lab_runtime.tending import tending
+from codra_papers.experiments.studies.lab_runtime.wrong import judge_wrong
+from codra_papers.lab.mission import WAIT_S
+
+
+def judge(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    """Return the report on all runs."""
+    pairs = tending_pairs(settings, outcomes)
+    runs = list(outcomes.values())
+    findings = [
+        tending(pairs),
+        sources(pairs),
+        judge_day(day_pair(outcomes)),
+        judge_wrong(runs, settings.folder),
+    ]
+    return Document(
+        title="lab-runtime: reduced runtime through observers",
+        summary=[sentence for finding in findings for sentence in finding.summary],
+        sections=[_protocol(settings), *(finding.section for finding in findings), _ended_early(runs)],
+        results={
+            "decision_s": DECISION_S,
+            "wait_up_to_s": WAIT_S,
+            "ended_early": {outcome.name: outcome.error for outcome in runs if outcome.error is not None},
+            **{name: found for finding in findings for name, found in finding.results.items()},
+        },
+    )
+
+
+def _protocol(settings: Settings) -> Section:
+    return Section(
+        title="What was done",
+        parts=[
+            Words(
+                text=f"The robot drives to the PCR-cycler, unlocks and opens it, and closes and locks it, {EXECUTIONS}"
+                f" times, on a first seed as in P1 and on {settings.seeds} further seeds. Without observers it looks"
+                f" for each decision. With observers it asks those of the arm '{NEED_ON_EVENT.name}',"
+                " and looks if they have no answer. The same seed gives the same world and the same durations and slips"
+                " of the robot's actions, in both."
+            ),
+            Words(
+                text=f"Each question to the observers is charged with {DECISION_S:g} s, more than 99 of 100 took that"
+                " were measured (docs/explanation/lab-runtime.md), and"
+                f" after an action the robot waits for them up to {WAIT_S:g} s before it looks; all of that counts as"
+                " perception. Jobs of observers take as long as the robot's own processing and share one vision slot"
+                " with it."
+            ),
+        ],
+    )
+
+
+def _ended_early(outcomes: Sequence[Outcome]) -> Section:
+    rows = [
+        (outcome.name, rounded(outcome.duration_s, 1), outcome.error)
+        for outcome in outcomes
+        if outcome.error is not None
+    ]
+    return Section(
+        title="Runs that ended early",
+        parts=[
+            Table(
+                caption="Unrecoverable errors; executions that they cut off are not counted.",
+                header=("run", "at s", "error"),
+                rows=rows,
+            )
+        ],
+    )

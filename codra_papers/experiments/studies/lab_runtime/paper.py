@@ -1,0 +1,64 @@
+"""What P1 reports in section 4.2: Table 3, Figure 8 and the day at the fair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from codra_papers.experiments.studies.lab_runtime.executions import Task
+
+EXECUTIONS = 5
+"""How often each task was executed without observers, and as often with them."""
+
+CHECKS = 4
+"""Perception tasks in each execution: two for situation preview, two for situation monitoring."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaperTask:
+    """One task in P1, averaged over five executions.
+
+    Attributes:
+        preview_s: of its two previews, without and with observers (Table 3).
+        monitoring_s: of what is monitored twice, likewise.
+        perception_share: how much less time perception took with observers (Figure 8).
+        task_share: how much less the whole task took (Figure 8).
+        saved_per_check_s: on average (section 4.2).
+    """
+
+    preview_s: tuple[float, float]
+    monitoring_s: tuple[float, float]
+    perception_share: float
+    task_share: float
+    saved_per_check_s: float
+
+
+PAPER: Mapping[Task, PaperTask] = MappingProxyType(
+    {
+        Task.OPENING: PaperTask(
+            preview_s=(37.01, 4.65),
+            monitoring_s=(35.79, 4.86),
+            perception_share=0.87,
+            task_share=0.18,
+            saved_per_check_s=15.8,
+        ),
+        Task.CLOSING: PaperTask(
+            preview_s=(38.92, 4.41),
+            monitoring_s=(37.27, 4.19),
+            perception_share=0.89,
+            task_share=0.24,
+            saved_per_check_s=16.9,
+        ),
+    }
+)
+
+CONTEXT_CHECK_S = sum(each.preview_s[1] + each.monitoring_s[1] for each in PAPER.values()) / (2 * CHECKS)
+"""What a perception task took on average with observers (Table 3): 2.26 s."""
+
+DAY_S = 7 * 3600.0
+DAY_CHECKS = 153
+"""Perception tasks that context answered at the fair."""
+
+DAY_SAVED_MIN = 41.0
+DAY_SAVED_PER_CHECK_S = 16.0

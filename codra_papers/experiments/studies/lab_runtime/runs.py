@@ -1,0 +1,112 @@
+"""The runs: the same work with the same seed, without observers and with them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
+from codra_papers.experiments.lab.arms import NEED_ON_EVENT
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.run import Loops, Work
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions
+from codra_papers.experiments.studies.lab_runtime.paper import DAY_S, EXECUTIONS
+from codra_papers.lab.mission import PCR_CYCLER, Mission
+
+DECISION_S = 0.02
+"""How long it takes to ask for a decision: more than the 99th percentile that `benchmarks/deciding.py` measured from
+another process (docs/explanation/lab-runtime.md)."""
+
+REPAIR_S = 120.0
+"""How long someone takes to set things right after an unrecoverable error; P1's day had minor interruptions."""
+
+WITHOUT, OBSERVED = "without-observers", "with-observers"
+
+
+@dataclass(frozen=True, slots=True)
+class OpenAndClose:
+    """Drive to the PCR-cycler, then open and close it so many times."""
+
+    times: int
+
+    def __call__(self, mission: Mission) -> None:
+        """Do it."""
+        mission.open_and_close(PCR_CYCLER, self.times)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pair:
+    """The same work with the same seed, without observers and with them."""
+
+    seed: int
+    without: Outcome
+    observed: Outcome
+
+    def of(self, task: Task) -> tuple[Sequence[Execution], Sequence[Execution]]:
+        """Return the executions of a task, without observers and with them."""
+        without, observed = (
+            [each for each in executions(outcome) if each.task is task] for outcome in (self.without, self.observed)
+        )
+        return without, observed
+
+
+def trials(settings: Settings) -> Sequence[Trial]:
+    """Return all runs: P1's sample, as many further seeds as are asked for, and a day."""
+    return [
+        *(trial for seed in _seeds(settings) for trial in tending(settings, seed)),
+        *day(settings),
+    ]
+
+
+def tending(settings: Settings, seed: int, times: int = EXECUTIONS) -> Sequence[Trial]:
+    """Return the two runs in which the PCR-cycler is opened and closed (P1, section 4.2)."""
+    return list(_both(settings, f"tending-{seed}", seed, OpenAndClose(times)))
+
+
+def day(settings: Settings, duration_s: float = DAY_S) -> Sequence[Trial]:
+    """Return the two runs of a day at the fair: sample after sample, going on after interruptions."""
+    return list(_both(settings, "day", FIRST_REPORTED_SEED, Loops(), duration_s=duration_s, repair_s=REPAIR_S))
+
+
+def tending_pairs(settings: Settings, outcomes: Mapping[str, Outcome]) -> Sequence[Pair]:
+    """Return what came of all runs but those of the day, P1's sample first."""
+    return [_pair(f"tending-{seed}", outcomes) for seed in _seeds(settings)]
+
+
+def day_pair(outcomes: Mapping[str, Outcome]) -> Pair:
+    """Return what came of the day."""
+    return _pair("day", outcomes)
+
+
+def _seeds(settings: Settings) -> Sequence[int]:
+    return range(FIRST_REPORTED_SEED, FIRST_REPORTED_SEED + 1 + settings.seeds)
+
+
+def _pair(name: str, outcomes: Mapping[str, Outcome]) -> Pair:
+    without, observed = (outcomes[f"{name}-{condition}"] for condition in (WITHOUT, OBSERVED))
+    return Pair(seed=without.seed, without=without, observed=observed)
+
+
+def _both(
+    settings: Settings,
+    name: str,
+    seed: int,
+    work: Work,
+    *,
+    duration_s: float | None = None,
+    repair_s: float | None = None,
+) -> Iterator[Trial]:
+    """Yield a run without observers, which needs no arm, and one with those whose arm answers the decisions."""
+    for condition, arms, answering in ((WITHOUT, (), None), (OBSERVED, (NEED_ON_EVENT,), NEED_ON_EVENT.name)):
+        yield Trial(
+            name=f"{name}-{condition}",
+            spec=settings.spec,
+            seed=seed,
+            arms=arms,
+            answering=answering,
+            decision_s=DECISION_S,
+            repair_s=repair_s,
+            work=work,
+            duration_s=duration_s,
+        )

@@ -1,0 +1,304 @@
+"""Opening and closing the PCR-cycler: Table 3, Figure 8 and its footnote (P1, section 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from codra_papers.experiments.campaign.document import Cell, Drawing, Part, Section, Table, Words
+from codra_papers.experiments.campaign.statistics import Share, Welch, ratio_interval, welch
+from codra_papers.experiments.studies.lab_runtime.drawing import Bars, figure_8
+from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, spent_s
+from codra_papers.experiments.studies.lab_runtime.finding import Finding, between, mean, percent, plain, rounded, spread
+from codra_papers.experiments.studies.lab_runtime.paper import CHECKS, PAPER, PaperTask
+from codra_papers.experiments.studies.lab_runtime.runs import OBSERVED, WITHOUT, Pair
+
+Seconds = Callable[[Execution], float]
+"""A duration of an execution."""
+
+WHOLE, PERCEPTION = "whole task", "perception"
+LEVELS: Mapping[str, Seconds] = {
+    WHOLE: lambda execution: execution.duration_s,
+    PERCEPTION: lambda execution: execution.perception_s,
+}
+
+_Of = Callable[[PaperTask], tuple[float, float]]
+_SITUATIONS: Mapping[str, tuple[Seconds, _Of]] = {
+    "preview": (lambda execution: spent_s(execution.previews), lambda paper: paper.preview_s),
+    "monitoring": (lambda execution: spent_s(execution.monitors), lambda paper: paper.monitoring_s),
+}
+
+
+def tending(pairs: Sequence[Pair]) -> Finding:
+    """Compare opening and closing with and without observers.
+
+    Args:
+        pairs: P1's sample first, then further seeds.
+    """
+    first, further = pairs[:1], pairs[1:]
+    bars = [_bars(task, first) for task in Task]
+    parts: list[Part] = [
+        Words(text=_told_of_slips(pairs)),
+        _table_3(first, "Table 3 of P1 beside this run's: mean seconds of each execution (n = 5), first seed."),
+        Drawing(caption="Figure 8 of P1: mean durations with standard deviation, first seed.", svg=figure_8(bars)),
+        _figure_8_table(first, "Figure 8 in numbers, first seed."),
+        _welch_table(pairs),
+    ]
+    if further:
+        parts[3:3] = [_table_3(further, f"As Table 3, over {len(further)} further seeds.")]
+        parts += [
+            _figure_8_table(further, f"Figure 8 in numbers, over {len(further)} further seeds."),
+            _intervals(further),
+        ]
+    return Finding(
+        section=Section(title="Opening and closing the PCR-cycler", parts=parts),
+        summary=[_sentence(task, pairs) for task in Task],
+        results={"tasks": {task: _results(task, pairs) for task in Task}},
+    )
+
+
+def reduction(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> float | None:
+    """Return by which share the mean duration is less with observers; None if one of them was never executed."""
+    without, observed = (mean(found) for found in _durations(task, pairs, seconds))
+    return None if without is None or observed is None or not without else (without - observed) / without
+
+
+def _durations(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> tuple[list[float], list[float]]:
+    """Return the durations of all executions without observers, and with them."""
+    made = [pair.of(task) for pair in pairs]
+    return (
+        [seconds(execution) for without, _ in made for execution in without],
+        [seconds(execution) for _, observed in made for execution in observed],
+    )
+
+
+def _checks(task: Task, pairs: Sequence[Pair]) -> tuple[list[float], list[float]]:
+    """Return the durations of all perception tasks without observers, and with them."""
+    made = [pair.of(task) for pair in pairs]
+    return (
+        [spent_s([check]) for without, _ in made for execution in without for check in execution.checks],
+        [spent_s([check]) for _, observed in made for execution in observed for check in execution.checks],
+    )
+
+
+def _saved_per_check_s(task: Task, pairs: Sequence[Pair]) -> float | None:
+    without, observed = (mean(found) for found in _checks(task, pairs))
+    return None if without is None or observed is None else without - observed
+
+
+# Words
+
+
+def _told_of_slips(pairs: Sequence[Pair]) -> str:
+    made = [each for pair in pairs for task in Task for found in pair.of(task) for each in found]
+    checks = [len(execution.checks) for execution in made]
+    more, fewer = sum(count > CHECKS for count in checks), sum(count < CHECKS for count in checks)
+    return (
+        f"{len(made)} executions were brought to their end, each task with and without observers. A task is its"
+        " perception tasks, the decisions that need no camera, and acting, which is all that is left. The same seed"
+        " draws the same durations of acting, with and without observers."
+        f" {more} executions have more than {CHECKS} perception tasks, since a lever or lid slipped and was tried"
+        f" again; {fewer} have fewer, where something was already as wanted."
+    )
+
+
+def _sentence(task: Task, pairs: Sequence[Pair]) -> str:
+    paper, first = PAPER[task], pairs[:1]
+    shares = (percent(reduction(task, first, seconds)) for seconds in (LEVELS[PERCEPTION], LEVELS[WHOLE]))
+    perception, whole = ("-" if share is None else f"{share} %" for share in shares)
+    saved_s = rounded(_saved_per_check_s(task, first))
+    return (
+        f"{task.capitalize()} the PCR-cycler: perception takes {perception} less time with observers (P1:"
+        f" {100 * paper.perception_share:.0f} %), the whole task {whole} (P1: {100 * paper.task_share:.0f} %), and a"
+        f" perception task {saved_s} s (P1: {paper.saved_per_check_s} s).{_over_seeds(task, pairs[1:])}"
+    )
+
+
+def _over_seeds(task: Task, pairs: Sequence[Pair]) -> str:
+    if not pairs:
+        return ""
+    perception, whole = (
+        between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
+        for level in (PERCEPTION, WHOLE)
+    )
+    return f" Over {len(pairs)} further seeds perception takes {perception} % less, and the whole task {whole} %."
+
+
+# Tables
+
+
+def _table_3(pairs: Sequence[Pair], caption: str) -> Table:
+    return Table(
+        caption=caption,
+        header=("situation", "observers", *(f"{task}, {who}" for task in Task for who in ("P1 in s", "here in s"))),
+        rows=[
+            (situation, "yes" if observed else "no", *_cells(pairs, seconds, of, observed))
+            for situation, (seconds, of) in _SITUATIONS.items()
+            for observed in (0, 1)
+        ],
+    )
+
+
+def _cells(pairs: Sequence[Pair], seconds: Seconds, of: _Of, observed: int) -> Iterator[Cell]:
+    for task in Task:
+        yield of(PAPER[task])[observed]
+        yield rounded(mean(_durations(task, pairs, seconds)[observed]))
+
+
+def _figure_8_table(pairs: Sequence[Pair], caption: str) -> Table:
+    rows: list[Sequence[Cell]] = []
+    for task in Task:
+        paper_shares = {WHOLE: PAPER[task].task_share, PERCEPTION: PAPER[task].perception_share}
+        for level, seconds in LEVELS.items():
+            without, observed = _durations(task, pairs, seconds)
+            share = percent(reduction(task, pairs, seconds))
+            rows.append((task, level, spread(without), spread(observed), share, percent(paper_shares[level])))
+    saved = [f"{task}: {rounded(_saved_per_check_s(task, pairs))} s" for task in Task]
+    paper_saved = [f"{task}: {PAPER[task].saved_per_check_s} s" for task in Task]
+    return Table(
+        caption=f"{caption} Saved per perception task: {', '.join(saved)} (P1: {', '.join(paper_saved)}).",
+        header=("task", "part", "without in s", "with observers in s", "less in %", "P1: less in %"),
+        rows=rows,
+    )
+
+
+def _welch_table(pairs: Sequence[Pair]) -> Table:
+    rows: list[Sequence[Cell]] = []
+    for sample, chosen in _samples(pairs).items():
+        for task in Task:
+            for level, seconds in LEVELS.items():
+                without, observed = _durations(task, chosen, seconds)
+                found = _tested(without, observed)
+                told = ("none", None, None, "none", "none") if found is None else _told(found)
+                rows.append((sample, task, level, len(without) + len(observed), *told))
+    return Table(
+        caption=(
+            "Two-sided Welch's t-test, without against with observers (P1, footnote 4: p < 0.01, n = 10), with 95 %"
+            " intervals by Welch and Satterthwaite and Hedges' g. It takes the samples as independent; here the same"
+            " seeds act alike in both, which makes the test of the whole task a cautious one, and each of the five"
+            " executions of a seed counts."
+        ),
+        header=("sample", "task", "part", "n", "difference in s", "t", "degrees of freedom", "p", "Hedges' g"),
+        rows=rows,
+    )
+
+
+def _samples(pairs: Sequence[Pair]) -> Mapping[str, Sequence[Pair]]:
+    found = {"first seed": pairs[:1], "further seeds": pairs[1:]}
+    return {name: chosen for name, chosen in found.items() if chosen}
+
+
+def _tested(without: Sequence[float], observed: Sequence[float]) -> Welch | None:
+    return welch(without, observed) if min(len(without), len(observed)) > 1 else None
+
+
+def _told(found: Welch) -> tuple[Cell, ...]:
+    return (
+        between(found.difference),
+        rounded(found.t),
+        rounded(found.degrees, 1),
+        f"{found.p:.1e}",
+        between(found.hedges_g),
+    )
+
+
+def _intervals(pairs: Sequence[Pair]) -> Table:
+    return Table(
+        caption=(
+            f"By how much durations are less with observers, over {len(pairs)} further seeds: ratio of sums with a"
+            " 95 % interval, resampled by seed with both runs of each."
+        ),
+        header=("task", *(f"{level}: less in %" for level in LEVELS), "P1: whole task", "P1: perception"),
+        rows=[
+            (
+                task,
+                *(
+                    between(ratio_interval(_shares(task, pairs, LEVELS[level])), scale=100, digits=1)
+                    for level in LEVELS
+                ),
+                percent(PAPER[task].task_share),
+                percent(PAPER[task].perception_share),
+            )
+            for task in Task
+        ],
+    )
+
+
+def _shares(task: Task, pairs: Sequence[Pair], seconds: Seconds) -> list[Share]:
+    """Return, by seed, the mean time saved of the mean time without observers, where both were executed."""
+    means = [tuple(map(mean, _durations(task, [pair], seconds))) for pair in pairs]
+    return [
+        Share(without_s - observed_s, without_s)
+        for without_s, observed_s in means
+        if without_s is not None and observed_s is not None
+    ]
+
+
+# Pictures
+
+
+def _bars(task: Task, pairs: Sequence[Pair]) -> Bars:
+    durations = {level: _durations(task, pairs, seconds) for level, seconds in LEVELS.items()}
+    shares = {level: reduction(task, pairs, seconds) for level, seconds in LEVELS.items()}
+    return Bars(
+        task=task,
+        whole_s=durations[WHOLE],
+        perception_s=durations[PERCEPTION],
+        whole_share=shares[WHOLE],
+        perception_share=shares[PERCEPTION],
+    )
+
+
+# Data
+
+
+def _results(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
+    return {
+        "p1": asdict(PAPER[task]),
+        **{sample.replace(" ", "_"): _sample(task, chosen) for sample, chosen in _samples(pairs).items()},
+        "executions": [
+            _execution(pair.seed, condition, execution)
+            for pair in pairs
+            for condition, found in zip((WITHOUT, OBSERVED), pair.of(task), strict=True)
+            for execution in found
+        ],
+    }
+
+
+def _sample(task: Task, pairs: Sequence[Pair]) -> Mapping[str, Any]:
+    levels = {level.replace(" ", "_"): seconds for level, seconds in LEVELS.items()}
+    tested = {level: _tested(*_durations(task, pairs, seconds)) for level, seconds in levels.items()}
+    return {
+        "saved_per_check_s": _saved_per_check_s(task, pairs),
+        "less_share": {level: reduction(task, pairs, seconds) for level, seconds in levels.items()},
+        "less_share_over_seeds": {
+            level: plain(ratio_interval(_shares(task, pairs, seconds))) for level, seconds in levels.items()
+        },
+        "welch": {level: None if found is None else _plain_welch(found) for level, found in tested.items()},
+    }
+
+
+def _plain_welch(found: Welch) -> Mapping[str, Any]:
+    return {
+        "difference_s": plain(found.difference),
+        "t": found.t,
+        "degrees_of_freedom": found.degrees,
+        "p": found.p,
+        "hedges_g": plain(found.hedges_g),
+    }
+
+
+def _execution(seed: int, condition: str, execution: Execution) -> Mapping[str, Any]:
+    return {
+        "seed": seed,
+        "condition": condition,
+        "start_s": execution.start_s,
+        "duration_s": execution.duration_s,
+        "preview_s": spent_s(execution.previews),
+        "previews": len(execution.previews),
+        "monitoring_s": spent_s(execution.monitors),
+        "monitors": len(execution.monitors),
+        "other_decisions_s": spent_s(execution.others),
+        "acting_s": execution.acting_s,
+    }

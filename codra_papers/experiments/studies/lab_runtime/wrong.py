@@ -1,0 +1,130 @@
+"""Every decision that was made on a value that was not true, with its cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from codra_papers.experiments.campaign.campaign import TRIALS
+from codra_papers.experiments.campaign.document import Part, Photograph, Section, Table, Words
+from codra_papers.experiments.lab.arms import NEED_ON_EVENT
+from codra_papers.experiments.lab.outcomes import OWN_LOOK, Basis, Decision, Outcome
+from codra_papers.experiments.studies.lab_runtime.finding import Finding, rounded
+
+PHOTOGRAPHS = 12
+"""Of how many decisions the frame is shown at most; the table names all frames."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mistake:
+    """A decision made on a wrong value, and what that rested on."""
+
+    trial: str
+    decision: Decision
+    basis: Basis
+
+    @property
+    def cause(self) -> str:
+        """Return why the value was wrong."""
+        if self.basis.was_true:
+            return "was true in the evidence and has changed since"
+        if self.basis.algorithm == OWN_LOOK:
+            return "the robot's own look was wrong"
+        told = ", ".join(f"{name} {value}" for name, value in sorted(self.basis.values.items()))
+        return f"seen wrongly: {told}" if told else "nobody saw it: it was told"
+
+
+def mistakes(outcomes: Sequence[Outcome]) -> Sequence[Mistake]:
+    """Return all decisions made on a wrong value: the answer is compared with the truth when it was given."""
+    return [
+        Mistake(trial=outcome.name, decision=decision, basis=decision.wrong_answer)
+        for outcome in outcomes
+        for decision in outcome.decisions
+        if decision.wrong_answer is not None
+    ]
+
+
+def judge_wrong(outcomes: Sequence[Outcome], folder: Path) -> Finding:
+    """List decisions on wrong values.
+
+    Args:
+        outcomes: of all runs.
+        folder: of the experiment, below which frames were kept.
+    """
+    found = mistakes(outcomes)
+    decided = [decision for outcome in outcomes for decision in outcome.decisions]
+    looked = sum(decision.has_looked for decision in decided)
+    wrong_looks = sum(mistake.decision.has_looked for mistake in found)
+    put_right = sum(
+        NEED_ON_EVENT.name in decision.wrong and decision.wrong_answer is None
+        for outcome in outcomes
+        for decision in outcome.decisions
+    )
+    told = (
+        f"Of {len(decided)} decisions in all runs context answered {len(decided) - looked}, of which"
+        f" {len(found) - wrong_looks} with a value that was not true; the robot found out the other {looked} by itself,"
+        f" {wrong_looks} of them wrongly."
+    )
+    return Finding(
+        section=Section(
+            title="Decisions on wrong values",
+            parts=[
+                Words(
+                    text=f"{told} An answer counts when it was given, after waiting or looking. {put_right} times"
+                    " context held a wrong value when it was asked, and the decision was still made on a right one."
+                ),
+                _table(found),
+                *_photographs(found, folder),
+            ],
+        ),
+        summary=[told],
+        results={"decisions": len(decided), "wrong_decisions": [_plain(mistake) for mistake in found]},
+    )
+
+
+def _table(found: Sequence[Mistake]) -> Table:
+    return Table(
+        caption="Decisions on wrong values.",
+        header=("run", "given at s", "variable", "skill", "answer", "evidence", "from s", "cause", "frame"),
+        rows=[
+            (
+                mistake.trial,
+                rounded(mistake.decision.answered_s),
+                mistake.decision.variable,
+                mistake.decision.skill,
+                mistake.decision.answer,
+                mistake.basis.algorithm,
+                rounded(mistake.basis.evidence_s),
+                mistake.cause,
+                mistake.basis.frame or None,
+            )
+            for mistake in found
+        ],
+    )
+
+
+def _photographs(found: Sequence[Mistake], folder: Path) -> Iterator[Part]:
+    for mistake in [mistake for mistake in found if mistake.basis.frame][:PHOTOGRAPHS]:
+        decision = mistake.decision
+        yield Photograph(
+            caption=f"{mistake.trial}: {decision.variable} was taken for {decision.answer} at"
+            f" {decision.answered_s:.1f} s; {mistake.cause}.",
+            path=folder / TRIALS / mistake.trial / mistake.basis.frame,
+        )
+
+
+def _plain(mistake: Mistake) -> Mapping[str, Any]:
+    decision = mistake.decision
+    return {
+        "trial": mistake.trial,
+        "instant_s": decision.instant_s,
+        "answered_s": decision.answered_s,
+        "variable": decision.variable,
+        "skill": decision.skill,
+        "answer": decision.answer,
+        "has_looked": decision.has_looked,
+        "cause": mistake.cause,
+        "basis": asdict(mistake.basis),
+    }

@@ -1,0 +1,150 @@
+"""The pictures of `lab-robustness`: P1's Figures 6 and 7 for all arms, and how sure differences are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from io import StringIO
+from itertools import pairwise
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from codra_papers.experiments.campaign.document import Drawing
+from codra_papers.experiments.campaign.statistics import Estimate
+from codra_papers.experiments.lab.outcomes import Decision, Outcome
+from codra_papers.experiments.lab.pictures import UNKNOWN
+from codra_papers.experiments.lab.scoring import Piece
+from codra_papers.experiments.studies.robustness.findings import LIDS, Comparison, Counted, label, paper, strict
+
+_WIDTH_IN = 11.0
+_TRUTH, _HELD, _WRONG = "#444444", "#1f5fa8", "#f6b9b3"
+_RING, _WRONG_RING = "#1f5fa8", "#d100b8"
+
+
+def timeline(outcome: Outcome, variable: str, caption: str) -> Drawing:
+    """Draw what was true of a variable over a run and what each arm held, with red behind what was wrong (Figure 6)."""
+    with _style():
+        figure, _ = _timelines(outcome, variable)
+        _legend(figure, [Line2D([], [], color=_HELD, label="held")])
+        return Drawing(caption=caption, svg=_svg(figure))
+
+
+def decisions(outcome: Outcome, variable: str, caption: str) -> Drawing:
+    """Draw the same with rings where the main execution needed the variable (Figure 7).
+
+    A ring stands at what the arm held, in magenta if that was wrong; where it held nothing it stands in the middle.
+    """
+    with _style():
+        figure, rows = _timelines(outcome, variable)
+        asked = [decision for decision in outcome.decisions if decision.variable == variable]
+        for arm, axes in rows:
+            _rings(axes, arm, asked)
+        _legend(figure, [_ring("needed, right or unknown", _RING), _ring("needed, wrong", _WRONG_RING)])
+        return Drawing(caption=caption, svg=_svg(figure))
+
+
+def _style() -> AbstractContextManager[None]:
+    """Draw all pictures alike, and the same picture always as the same text."""
+    return mpl.rc_context(
+        {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
+    )
+
+
+def _timelines(outcome: Outcome, variable: str) -> tuple[Figure, Sequence[tuple[str, Axes]]]:
+    """Draw one row for the truth and one for each arm; return these."""
+    figure = Figure(figsize=(_WIDTH_IN, 1.1 + 0.75 * (1 + len(outcome.arms))), layout="constrained")
+    truth_axes, *arm_axes = figure.subplots(1 + len(outcome.arms), sharex=True, sharey=True)
+    truth = outcome.truth[variable]
+    _row(truth_axes, "truth", truth, _TRUTH)
+    for (name, arm), axes in zip(outcome.arms.items(), arm_axes, strict=True):
+        for span in arm.wrong[variable]:
+            axes.axvspan(span.start_s, span.end_s, color=_WRONG, linewidth=0)
+        _row(axes, name, arm.held[variable], _HELD)
+    truth_axes.set_xlim(0.0, truth[-1].end_s)
+    truth_axes.set_ylim(-0.35, 1.35)
+    arm_axes[-1].set_xlabel(f"time in s, seed {outcome.seed}")
+    truth_axes.set_title(label(variable), loc="left", fontsize=10.5)
+    return figure, list(zip(outcome.arms, arm_axes, strict=True))
+
+
+def _row(axes: Axes, name: str, held: Sequence[Piece], colour: str) -> None:
+    for piece in held:
+        if piece.value is None:
+            axes.axvspan(piece.start_s, piece.end_s, color=UNKNOWN, linewidth=0)
+    known = [(piece.start_s, piece.end_s, float(bool(piece.value))) for piece in held if piece.value is not None]
+    for start_s, end_s, level in known:
+        axes.plot([start_s, end_s], [level, level], color=colour, linewidth=2.0, solid_capstyle="butt")
+    for (_, end_s, level), (start_s, _, next_level) in pairwise(known):
+        if end_s == start_s:
+            axes.plot([start_s, start_s], [level, next_level], color=colour, linewidth=1.0)
+    axes.set_yticks([0.0, 1.0], ["false", "true"])
+    axes.set_ylabel(name.replace(", ", ",\n").replace(" and ", "\nand "), rotation=0, ha="right", va="center")
+    axes.yaxis.set_label_coords(-0.055, 0.5)
+
+
+def _rings(axes: Axes, arm: str, asked: Sequence[Decision]) -> None:
+    for decision in asked:
+        held = decision.held[arm]
+        is_wrong = held is not None and held != decision.truth
+        axes.plot(
+            [decision.instant_s],
+            [0.5 if held is None else float(bool(held))],
+            marker="o",
+            markersize=8,
+            markerfacecolor="none",
+            markeredgewidth=1.8,
+            markeredgecolor=_WRONG_RING if is_wrong else _RING,
+            clip_on=False,
+            zorder=5,
+        )
+
+
+def _ring(name: str, colour: str) -> Line2D:
+    return Line2D(
+        [], [], linestyle="none", marker="o", markersize=8, markerfacecolor="none", markeredgecolor=colour, label=name
+    )
+
+
+def _legend(figure: Figure, first: Sequence[Line2D]) -> None:
+    handles = [*first, Patch(color=_WRONG, label="wrong"), Patch(color=UNKNOWN, label="unknown")]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+
+
+def forest(comparisons: Sequence[Comparison], caption: str) -> Drawing:
+    """Draw the differences between arms on the two lids, with their intervals."""
+    shown = [one for variable in LIDS for one in comparisons if one.variable == variable]
+    names = [f"{label(one.variable)}: {one.arm} less {one.against}" for one in shown]
+    with _style():
+        figure = Figure(figsize=(_WIDTH_IN, 1.2 + 0.3 * len(shown)), layout="constrained")
+        both = figure.subplots(1, 2, sharey=True)
+        for axes, counted, title in zip(both, (paper, strict), ("ratio", "strict ratio"), strict=True):
+            _differences(axes, [_estimate(one, counted) for one in shown])
+            axes.set_xlabel(f"difference in {title}")
+        both[0].set_yticks(range(len(shown)), names)
+        both[0].set_ylim(len(shown) - 0.5, -0.5)
+        return Drawing(caption=caption, svg=_svg(figure))
+
+
+def _estimate(one: Comparison, counted: Counted) -> Estimate:
+    return one.paper if counted is paper else one.strict
+
+
+def _differences(axes: Axes, found: Sequence[Estimate]) -> None:
+    axes.axvline(0.0, color=_TRUTH, linewidth=1.0)
+    for row, one in enumerate(found):
+        if one.value is not None:
+            axes.plot([one.value], [row], marker="o", color=_HELD, markersize=6)
+        if one.low is not None and one.high is not None:
+            axes.plot([one.low, one.high], [row, row], color=_HELD, linewidth=2.0)
+    axes.grid(axis="x", color=UNKNOWN, linewidth=0.8)
+    axes.set_axisbelow(True)
+
+
+def _svg(figure: Figure) -> str:
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()

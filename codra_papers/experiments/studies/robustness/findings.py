@@ -1,0 +1,179 @@
+"""The numbers of an experiment with several arms on the same frames, over its runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from codra_dsl.language.model import Access, Spec
+from codra_papers.experiments.campaign.statistics import Estimate, Share, ratio_difference, ratio_interval
+from codra_papers.experiments.lab.metrics import (
+    Answers,
+    Causes,
+    Lags,
+    Seconds,
+    answers,
+    causes,
+    in_window,
+    lags,
+    seconds,
+    total,
+    window,
+)
+from codra_papers.experiments.lab.outcomes import Outcome
+
+LIDS = ("centrifuge_open", "pcr_cycler_open")
+"""The variables of P1's Table 2."""
+
+VARIABLES = (
+    "centrifuge_in_observable_distance",
+    "centrifuge_in_manipulation_distance",
+    "centrifuge_base_in_FOV",
+    "centrifuge_lid_in_FOV",
+    "centrifuge_open",
+    "centrifuge_locked",
+    "centrifuge_rotor_in_pos_1",
+    "centrifuge_rotor_in_pos_2",
+    "pcr_cycler_in_observable_distance",
+    "pcr_cycler_in_manipulation_distance",
+    "pcr_cycler_base_in_FOV",
+    "pcr_cycler_lid_in_FOV",
+    "pcr_cycler_open",
+    "pcr_cycler_locked",
+)
+"""P1's Table 1."""
+
+PCR_CYCLER_LID = ("localize_pcr_cycler_lid",)
+"""What P1 counts the triggers of (section 4.1)."""
+
+Counted = Callable[[Seconds], Share]
+"""One of the two ways to count: `Seconds.paper` or `Seconds.strict`, as a function."""
+
+
+def paper(found: Seconds) -> Share:
+    """Count right of held seconds."""
+    return found.paper
+
+
+def strict(found: Seconds) -> Share:
+    """Count right of all seconds."""
+    return found.strict
+
+
+def vision_algorithms(spec: Spec) -> tuple[str, ...]:
+    """Return the names of the algorithms that need a slot, as all do that look at frames."""
+    return tuple(
+        algorithm.name for algorithm in spec.perception if any(use.access is Access.SLOT for use in algorithm.uses)
+    )
+
+
+def label(variable: str) -> str:
+    """Return a variable's name as P1 writes it."""
+    return variable.replace("pcr_cycler", "PCR-cycler")
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """Outcomes of several runs with the same arms."""
+
+    outcomes: Sequence[Outcome]
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """Return the names of the arms, in the order of the trials."""
+        return tuple(self.outcomes[0].arms) if self.outcomes else ()
+
+    def seconds(self, variable: str, arm: str) -> Sequence[Seconds | None]:
+        """Return an arm's seconds in the common window, by run; None where it is left out."""
+        return [in_window(outcome, variable, arm) for outcome in self.outcomes]
+
+    def total(self, variable: str, arm: str) -> Seconds:
+        """Return what these add up to."""
+        return total(self.seconds(variable, arm))
+
+    def whole(self, variable: str, arm: str) -> Seconds:
+        """Return an arm's seconds over whole runs."""
+        return total(seconds(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
+
+    def left_out(self, variable: str, arm: str) -> int:
+        """Return in how many runs an arm never identified a variable."""
+        return sum(arm in window(outcome, variable).left_out for outcome in self.outcomes)
+
+    def first_s(self, variable: str, arm: str) -> Sequence[float]:
+        """Return when an arm identified a variable first, of the runs in which it did."""
+        found = (outcome.arms[arm].first_s[variable] for outcome in self.outcomes)
+        return [first_s for first_s in found if first_s is not None]
+
+    def lags(self, variable: str, arm: str) -> Lags:
+        """Return an arm's lags after all changes of a variable."""
+        found = (lags(outcome.arms[arm].held[variable], outcome.truth[variable]) for outcome in self.outcomes)
+        return sum(found, Lags())
+
+    def causes(self, variables: Sequence[str], arm: str) -> Causes:
+        """Return why an arm was wrong."""
+        return causes(span for outcome in self.outcomes for name in variables for span in outcome.arms[arm].wrong[name])
+
+    def answers(self, variables: Sequence[str], arm: str, *, previews: bool) -> Answers:
+        """Return what an arm held when decisions needed it: those before an action, or those that monitor one."""
+        decisions = (decision for outcome in self.outcomes for decision in outcome.decisions)
+        return answers([each for each in decisions if each.variable in variables and each.is_preview == previews], arm)
+
+    def triggers(self, arm: str, algorithms: Sequence[str]) -> Sequence[int]:
+        """Return how many jobs of some algorithms an arm started, by run."""
+        return [sum(outcome.arms[arm].triggers.get(name, 0) for name in algorithms) for outcome in self.outcomes]
+
+    def slot_s(self, arm: str) -> float:
+        """Return for how long an arm's observers held slots."""
+        return math.fsum(outcome.arms[arm].slot_s for outcome in self.outcomes)
+
+    @property
+    def duration_s(self) -> float:
+        """Return how long all runs lasted."""
+        return math.fsum(outcome.duration_s for outcome in self.outcomes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """How much better one arm knew a variable than another.
+
+    Attributes:
+        runs: in how many neither was left out of the window.
+        paper, strict: the differences of the ratios of sums over them, `arm` less `against`.
+    """
+
+    variable: str
+    arm: str
+    against: str
+    runs: int
+    paper: Estimate
+    strict: Estimate
+
+
+def compare(runs: Runs, variable: str, arm: str, against: str) -> Comparison:
+    """Return how two arms differ on a variable."""
+    both = zip(runs.seconds(variable, arm), runs.seconds(variable, against), strict=True)
+    pairs = [(left, right) for left, right in both if left is not None and right is not None]
+    return Comparison(
+        variable=variable,
+        arm=arm,
+        against=against,
+        runs=len(pairs),
+        paper=_difference(pairs, paper),
+        strict=_difference(pairs, strict),
+    )
+
+
+def _difference(pairs: Sequence[tuple[Seconds, Seconds]], counted: Counted) -> Estimate:
+    return ratio_difference([counted(left) for left, _ in pairs], [counted(right) for _, right in pairs])
+
+
+def fewer_triggers(runs: Runs, arm: str, against: str, algorithms: Sequence[str]) -> Estimate:
+    """Return by which share of its triggers an arm has fewer than another (P1, section 4.1: 79.4 %), with interval."""
+    counts = zip(runs.triggers(arm, algorithms), runs.triggers(against, algorithms), strict=True)
+    return ratio_interval([Share(float(other - own), float(other)) for own, other in counts])
+
+
+def plain(found: Estimate) -> Mapping[str, float | None]:
+    """Return an estimate as data."""
+    return {"value": found.value, "low": found.low, "high": found.high}

@@ -1,0 +1,99 @@
+"""Frames that a run kept, detected again from their files alone: no simulator, the very functions of the spec."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import cv2
+import numpy as np
+
+from codra_dsl.language.model import Algorithm, Spec
+from codra_papers.experiments.campaign.campaign import TRIALS
+from codra_papers.experiments.lab.outcomes import KeptFrame, Outcome
+from codra_papers.lab.perception.frame import Frame, StillCamera
+from codra_papers.lab.perception.layout import INTRINSICS
+from codra_papers.lab.perception.poses import Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectedAgain:
+    """A kept frame, and what came of detecting it again.
+
+    Attributes:
+        trial: whose frame it is.
+        values: what came of it now; None if its file cannot be read.
+    """
+
+    trial: str
+    kept: KeptFrame
+    values: Mapping[str, Any] | None
+
+    @property
+    def agrees(self) -> bool:
+        """Return whether every value is exactly the one that was recorded."""
+        return self.values is not None and dict(self.values) == dict(self.kept.values)
+
+
+def detect_again(spec: Spec, outcomes: Sequence[Outcome], folder: Path) -> Sequence[DetectedAgain]:
+    """Detect all kept frames again.
+
+    Args:
+        spec: says which function an algorithm calls, and with what.
+        outcomes: whose frames to take.
+        folder: of the experiment.
+    """
+    algorithms = {algorithm.name: algorithm for algorithm in spec.perception}
+    return [
+        DetectedAgain(
+            trial=outcome.name,
+            kept=kept,
+            values=_perceived(algorithms[kept.algorithm], kept, folder / TRIALS / outcome.name / kept.file),
+        )
+        for outcome in outcomes
+        for kept in outcome.kept
+    ]
+
+
+def _perceived(algorithm: Algorithm, kept: KeptFrame, path: Path) -> Mapping[str, Any] | None:
+    pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if pixels is None:
+        return None
+    rotation, translation_m = kept.believed_map_from_camera
+    frame = Frame(
+        pixels=np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB), dtype=np.uint8),
+        intrinsics=INTRINSICS,
+        believed_map_from_camera=Pose(np.array(rotation), np.array(translation_m)),
+        stamp_s=kept.evidence_s,
+    )
+    found = _function(algorithm.call)(**dict(algorithm.parameters), camera=StillCamera(frame), job=_PassingJob())
+    return dict(found)
+
+
+def _function(call: str) -> Callable[..., Mapping[str, Any]]:
+    module, _, name = call.partition(":")
+    found: Callable[..., Mapping[str, Any]] = getattr(import_module(module), name)
+    return found
+
+
+@dataclass(slots=True)
+class _PassingJob:
+    """A job for which time passes at once: what an algorithm makes of a frame does not depend on how long it takes."""
+
+    random: Random = field(default_factory=lambda: Random(0))
+    index: int = 0
+    cancelled: bool = False
+    _now_s: float = 0.0
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def sleep(self, duration_s: float) -> None:
+        self._now_s += duration_s
+
+    def evidence(self, start_s: float, stamp_s: float) -> None:
+        """Do nothing: what the evidence is, is known."""

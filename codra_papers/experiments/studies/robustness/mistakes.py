@@ -1,0 +1,103 @@
+"""Every decision instant at which an arm held what was not true, with what it rested on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from codra_papers.experiments.campaign.campaign import TRIALS
+from codra_papers.experiments.campaign.cells import plain_table
+from codra_papers.experiments.campaign.document import Cell, Photograph, Table
+from codra_papers.experiments.lab.outcomes import Basis, Decision, Outcome
+from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs, label
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mistake:
+    """A wrong value that an arm held when a decision needed it."""
+
+    outcome: Outcome
+    decision: Decision
+    arm: str
+    basis: Basis
+
+    @property
+    def cause(self) -> str:
+        """Return why it was wrong."""
+        return "has changed since" if self.basis.was_true else "seen wrongly"
+
+    @property
+    def purpose(self) -> str:
+        """Return what the decision was for (P1, Figure 1)."""
+        return "preview" if self.decision.is_preview else "monitoring"
+
+    @property
+    def frame(self) -> str:
+        """Return the file of the frame, relative to the experiment's folder; empty if it rests on none."""
+        return f"{TRIALS}/{self.outcome.name}/{self.basis.frame}" if self.basis.frame else ""
+
+
+def mistakes(runs: Runs) -> Sequence[Mistake]:
+    """Return all of them, in order of runs and time."""
+    return tuple(
+        Mistake(outcome=outcome, decision=decision, arm=arm, basis=basis)
+        for outcome in runs.outcomes
+        for decision in outcome.decisions
+        if decision.variable in VARIABLES
+        for arm, basis in decision.wrong.items()
+    )
+
+
+def mistakes_table(found: Sequence[Mistake]) -> Table:
+    """Return all of them with their evidence."""
+    header = ("seed", "at s", "variable", "for", "skill", "arm", "held", "true", "cause", "fresh", "algorithm")
+    caption = (
+        "Every decision instant at which an arm held what was not true, the evidence that it rested on, and the frame "
+        "of that evidence, in the folder of this report. Fresh: the evidence is from after the action that is "
+        "monitored."
+    )
+    return plain_table(
+        caption, (*header, "evidence at s", "measured", "frame"), [tuple(_cells(mistake)) for mistake in found]
+    )
+
+
+def _cells(mistake: Mistake) -> Iterator[Cell]:
+    decision, basis = mistake.decision, mistake.basis
+    yield from (mistake.outcome.seed, round(decision.instant_s, 1), label(decision.variable), mistake.purpose)
+    yield from (decision.skill, mistake.arm, decision.held[mistake.arm], decision.truth, mistake.cause)
+    yield from (decision.fresh[mistake.arm], basis.algorithm, round(basis.evidence_s, 1), measured(basis.values))
+    yield mistake.frame or None
+
+
+def measured(values: Mapping[str, Any]) -> str:
+    """Return what an algorithm returned, in words."""
+    return ", ".join(
+        f"{name} {value:.3f}" if isinstance(value, float) else f"{name} {str(value).lower()}"
+        for name, value in values.items()
+    )
+
+
+def photographs(found: Sequence[Mistake], folder: Path) -> Sequence[Photograph]:
+    """Return the frame of the first mistake of each arm and cause.
+
+    Args:
+        found: in order of runs and time.
+        folder: of the experiment.
+    """
+    first: dict[tuple[str, str], Mistake] = {}
+    for mistake in found:
+        if mistake.frame and (folder / mistake.frame).exists():
+            first.setdefault((mistake.arm, mistake.cause), mistake)
+    return [Photograph(caption=_caption(mistake), path=folder / mistake.frame) for mistake in first.values()]
+
+
+def _caption(mistake: Mistake) -> str:
+    decision, basis = mistake.decision, mistake.basis
+    held = str(decision.held[mistake.arm]).lower()
+    return (
+        f"{mistake.arm}, seed {mistake.outcome.seed}: {label(decision.variable)} held as {held} when it was needed at "
+        f"{decision.instant_s:.1f} s, {mistake.cause}. This frame is of {basis.evidence_s:.1f} s; {basis.algorithm} "
+        f"measured {measured(basis.values)}."
+    )

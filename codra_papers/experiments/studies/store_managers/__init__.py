@@ -1,0 +1,26 @@
+"""What the loops of the store are worth: four managers in the same shop."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from codra_papers.experiments.campaign.experiment import Experiment, World
+from codra_papers.experiments.studies.store_managers.judgement import judge, reported_trials
+from codra_papers.experiments.studies.store_managers.search import Design, search_trials
+
+
+def experiment(design: Design, name: str, seeds: int) -> Experiment:
+    """Return the experiment of a design: a search for thresholds on some seeds, and all managers on others."""
+    return Experiment(
+        name=name,
+        question="What are the loops of the store worth against no adaptation, chance, and plain thresholds?",
+        seeds=seeds,
+        trials=partial(search_trials, design),
+        judge=partial(judge, design),
+        then=partial(reported_trials, design),
+        world=World.STORE,
+    )
+
+
+EXPERIMENT = experiment(Design(), "store", 20)
+"""As the protocol has it (docs/explanation/store-experiment.md)."""

@@ -1,0 +1,106 @@
+"""The pictures of the report: one seed over time with all managers, and unsafe seconds seed by seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from io import StringIO
+from itertools import pairwise
+from statistics import fmean
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from codra_papers.experiments.campaign.document import Drawing
+from codra_papers.experiments.studies.store_managers.trial import Curve, StoreOutcome
+
+COLOURS: Mapping[str, str] = {"pick": "#1f5fa8", "deliver": "#2e9e5b", "start": "#e08a1e", "dock": "#8a5fb0"}
+_UNSAFE, _SAFETY, _SEED, _MEAN = "#f6b9b3", "#222222", "#b9c2c9", "#d1352b"
+_BAND = (-0.22, 0.15)
+_WEIGHT_OF = "weight_of_"
+
+
+def over_time(runs: Mapping[str, StoreOutcome]) -> Drawing:
+    """Draw safety, weights, course and unsafe seconds of one seed, a row for each manager.
+
+    Args:
+        runs: by manager, all of one seed.
+    """
+    with _style():
+        figure = Figure(figsize=(11.0, 1.0 + 1.9 * len(runs)), layout="constrained")
+        rows = figure.subplots(len(runs), sharex=True, sharey=True, squeeze=False)[:, 0]
+        for (name, run), axes in zip(runs.items(), rows, strict=True):
+            _row(axes, name, run)
+        seed = next(iter(runs.values())).seed
+        rows[-1].set_xlabel(f"time in s, seed {seed}")
+        handles = [
+            Line2D([], [], color=_SAFETY, label="safety"),
+            *(Line2D([], [], color=colour, label=f"weight, course: {name}") for name, colour in COLOURS.items()),
+            Patch(color=_UNSAFE, label="unsafe"),
+            Line2D([], [], color=_SAFETY, marker="v", linestyle="", label="a cause begins (hollow: never answered)"),
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        caption = (
+            f"Seed {seed}: safety and weights as the manager's own analysis has them, the course as a band below, and "
+            "in red when the robot moved fast near somebody. The weights of none and random are those of the spec's "
+            "loops, which they do not follow."
+        )
+        return Drawing(caption=caption, svg=_svg(figure))
+
+
+def _row(axes: Axes, name: str, run: StoreOutcome) -> None:
+    for span in run.unsafe:
+        axes.axvspan(span.start_s, span.end_s, color=_UNSAFE, linewidth=0)
+    for variable, curve in run.curves.items():
+        if variable.startswith(_WEIGHT_OF):
+            _step(axes, curve, run.duration_s, COLOURS[variable.removeprefix(_WEIGHT_OF)], 0.9)
+        else:
+            _step(axes, curve, run.duration_s, _SAFETY, 1.6)
+    for (start_s, action), (end_s, _) in pairwise((*run.courses, (run.duration_s, ""))):
+        axes.broken_barh([(start_s, end_s - start_s)], _BAND, facecolors=COLOURS[action], linewidth=0)
+    for each in run.called:
+        fill = "none" if each.answered_s is None else _SAFETY
+        axes.plot([each.begun_s], [1.12], "v", markersize=5, markeredgecolor=_SAFETY, markerfacecolor=fill)
+    axes.set_ylim(-0.25, 1.2)
+    axes.set_xlim(0.0, run.duration_s)
+    axes.set_yticks([0.0, 0.5, 1.0])
+    axes.set_title(f"{name}: {run.loops} missions, {run.unsafe_s:.1f} s unsafe", loc="left", fontsize=10)
+
+
+def _step(axes: Axes, curve: Curve, end_s: float, colour: str, width: float) -> None:
+    if curve:
+        instants = [*(at_s for at_s, _ in curve), end_s]
+        values = [float("nan") if value is None else value for _, value in curve]
+        axes.step(instants, [*values, values[-1]], where="post", color=colour, linewidth=width)
+
+
+def by_seed(runs: Mapping[str, Sequence[StoreOutcome]]) -> Drawing:
+    """Draw the unsafe seconds of each seed with all managers, and their means."""
+    with _style():
+        figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+        axes = figure.subplots()
+        places = range(len(runs))
+        for line in zip(*([each.unsafe_s for each in came] for came in runs.values()), strict=True):
+            axes.plot(places, line, "o-", color=_SEED, markersize=3, linewidth=0.8)
+        means = [fmean(each.unsafe_s for each in came) for came in runs.values()]
+        axes.plot(places, means, "D", color=_MEAN, markersize=7, label="mean")
+        axes.set_xticks(places, list(runs))
+        axes.set_ylim(bottom=0.0)
+        axes.set_ylabel("unsafe seconds of a run")
+        axes.legend(frameon=False)
+        return Drawing(caption="Unsafe seconds: each line is one seed with all managers.", svg=_svg(figure))
+
+
+def _style() -> AbstractContextManager[None]:
+    return mpl.rc_context(
+        {"svg.hashsalt": "codra", "font.size": 9.5, "axes.spines.top": False, "axes.spines.right": False}
+    )
+
+
+def _svg(figure: Figure) -> str:
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    return text.getvalue()

@@ -1,0 +1,139 @@
+"""What happens in a run: drawn from its seed before it begins, at instants that wait for nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+
+from codra_papers.store.layout import AREAS, DELIVERY, PICKING_AREAS, SUPPLY
+from codra_papers.store.simulator.people import crossing
+from codra_papers.store.simulator.situations import OrderKind, Situation, StoreSettings
+from codra_papers.store.simulator.state import Load, StoreState, Whereabouts
+from codra_papers.store.simulator.store import Store
+
+DRAIN = 4.0
+"""By what the use of the battery is multiplied."""
+
+_SPARE = "container_3"
+"""It begins in the back room; somebody has pushed it to where it is to be collected."""
+
+_FIRST = "container_1"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visit:
+    """Somebody who crosses before a container.
+
+    Attributes:
+        area: where.
+        times: how often.
+    """
+
+    at_s: float
+    area: str
+    times: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """What is to happen.
+
+    Attributes:
+        areas: from the first, a container is moved to the second; from the third one is collected; to the fourth one is
+            provided.
+        move_s: when the first order comes, and `full_s` when its container is full.
+        is_hidden: whether the container of the third area stands where the first observation pose does not show it.
+    """
+
+    seed: int
+    areas: tuple[str, ...]
+    move_s: float
+    full_s: float
+    collect_s: float
+    provide_s: float
+    is_hidden: bool
+    visits: tuple[Visit, ...]
+    battery_percent: float
+
+    def settings(self) -> StoreSettings:
+        """Return how the shop opens for it."""
+        return StoreSettings(
+            seed=self.seed,
+            situation=Situation.QUIET,
+            area=self.areas[0],
+            battery_percent=self.battery_percent,
+            drain=DRAIN,
+        )
+
+
+def shift_of(seed: int) -> Shift:
+    """Return what happens in the run of a seed."""
+    random = Random(f"{seed} shift")
+    areas = tuple(random.sample(sorted(PICKING_AREAS), len(PICKING_AREAS)))
+    move_s, collect_s = random.uniform(2.0, 6.0), random.uniform(80.0, 100.0)
+    return Shift(
+        seed=seed,
+        areas=areas,
+        move_s=move_s,
+        full_s=move_s + random.uniform(35.0, 70.0),
+        collect_s=collect_s,
+        provide_s=random.uniform(150.0, 170.0),
+        is_hidden=random.random() < 1 / 3,
+        visits=tuple(_visits(random, ((move_s, areas[0]), (collect_s, areas[2])))),
+        battery_percent=random.uniform(21.0, 30.0) if random.random() < 1 / 3 else random.uniform(60.0, 100.0),
+    )
+
+
+def _visits(random: Random, orders: tuple[tuple[float, str], ...]) -> Iterator[Visit]:
+    for ordered_s, area in orders:
+        has_visitor, delay_s, times = random.random() < 0.7, random.uniform(15.0, 40.0), random.randint(3, 6)
+        if has_visitor:
+            yield Visit(at_s=ordered_s + delay_s, area=area, times=times)
+
+
+class Staging:
+    """Lets a shift come about in a shop."""
+
+    def __init__(self, shift: Shift, store: Store) -> None:
+        """Put everything in its place, and wait for the instants."""
+        self._shift = shift
+        self._store = store
+        self._acts = sorted(self._told(), key=lambda act: act[0])
+        place = AREAS[shift.areas[2]].places[1 if shift.is_hidden else 0]
+        store.world.move_container(_SPARE, place, Whereabouts.FLOOR)
+        store.world.set_load(_SPARE, Load.FULL)
+        self._load(Load.LOADING)
+        store.world.watch(self._see)
+
+    def _told(self) -> Iterator[tuple[float, Callable[[], object]]]:
+        shift, order = self._shift, self._store.page.order
+        moved_from, moved_to, collected, provided = shift.areas
+        yield shift.move_s, lambda: order(OrderKind.MOVE, moved_from, moved_to)
+        yield shift.full_s, lambda: self._load(Load.FULL)
+        yield shift.collect_s, lambda: self._collect(collected)
+        yield shift.provide_s, lambda: order(OrderKind.PROVIDE, SUPPLY.name, provided)
+        for number, visit in enumerate(shift.visits, 1):
+            yield visit.at_s, partial(self._let_in, number, visit)
+
+    def _see(self, state: StoreState) -> None:
+        while self._acts and state.instant_s >= self._acts[0][0]:
+            _, act = self._acts.pop(0)
+            act()
+
+    def _load(self, load: Load) -> None:
+        self._store.world.set_load(_FIRST, load)
+        self._store.page.tell_load(load)
+
+    def _collect(self, area: str) -> None:
+        self._store.page.tell_load(Load.FULL)
+        self._store.page.order(OrderKind.COLLECT, area, DELIVERY.name)
+
+    def _let_in(self, number: int, visit: Visit) -> None:
+        area = AREAS[visit.area]
+        x_m, y_m = area.recess.corridor_x_m - 0.6, area.places[0].y_m
+        ends_m = ((x_m, y_m + 0.8), (x_m, y_m - 0.8))
+        visitor = crossing((x_m, y_m + 3.0), ends_m, visit.times, (x_m, 13.5))
+        visitor.name = f"visitor {number}"
+        self._store.world.add_person(visitor)

@@ -1,0 +1,202 @@
+"""Comparisons in place of both fuzzy stages: lists of lines, of which the first that holds decides."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from codra_dsl.runtime.loops import InputModel, MapeModel, OutputModel, StageModel, StageRuleModel
+from codra_dsl.runtime.loops.fuzzy import BoundedInference, Bounds, Inference
+
+Numbers = Mapping[str, float]
+"""What is known, by variable; NaN is unknown, and no comparison with it holds."""
+
+_SAFE, _HALF_SAFE, _UNSAFE = 1.0, 0.5, 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thresholds:
+    """What is compared with.
+
+    Attributes:
+        distance_m: somebody nearer than this is close.
+        battery_percent: a battery below this is to be charged.
+        load: a container that is at least so full is brought away: `loading` or `full`.
+    """
+
+    distance_m: float
+    battery_percent: float
+    load: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A line of a list.
+
+    Attributes:
+        gives: what the list comes to if this line decides: values of outputs; 0 for those that it leaves out.
+        holds: over numbers.
+    """
+
+    text: str
+    reads: tuple[str, ...]
+    gives: Mapping[str, float]
+    holds: Callable[[Numbers], bool]
+
+
+def with_thresholds(model: MapeModel, thresholds: Thresholds) -> MapeModel:
+    """Return the loops of the store with comparisons in place of their stages; all else is as it was.
+
+    Args:
+        model: of `specs/store.yaml`.
+        thresholds: what is compared with.
+    """
+    assert model.metrics is not None
+    assert model.actions is not None
+    inputs = {each.variable: each for stage in (model.metrics, model.actions) for each in stage.inputs}
+    load = inputs["container_load"].members.index(thresholds.load)
+    return replace(
+        model,
+        metrics=_stage(inputs, model.metrics.outputs, _metrics(thresholds)),
+        actions=_stage(inputs, model.actions.outputs, (_actions(load),)),
+    )
+
+
+def _metrics(thresholds: Thresholds) -> tuple[tuple[Line, ...], ...]:
+    near, low = thresholds.distance_m, thresholds.battery_percent
+    return (
+        (
+            Line(text="bumped", reads=("bumped",), gives={"safety": _UNSAFE}, holds=lambda n: n["bumped"] > 0.5),
+            Line(
+                text=f"person_distance < {near:g} and picking_up",
+                reads=("person_distance", "picking_up"),
+                gives={"safety": _HALF_SAFE},
+                holds=lambda n: n["person_distance"] < near and n["picking_up"] > 0.5,
+            ),
+            _otherwise({"safety": _SAFE}),
+        ),
+        (
+            Line(
+                text="order_open and not loaded",
+                reads=("order_open", "loaded"),
+                gives={"mission_completion": 0.0},
+                holds=lambda n: n["order_open"] > 0.5 and n["loaded"] < 0.5,
+            ),
+            Line(
+                text="order_open",
+                reads=("order_open",),
+                gives={"mission_completion": 0.5},
+                holds=lambda n: n["order_open"] > 0.5,
+            ),
+            _otherwise({"mission_completion": 1.0}),
+        ),
+        (
+            Line(
+                text=f"battery_level < {low:g}",
+                reads=("battery_level",),
+                gives={"power_autonomy": 0.0},
+                holds=lambda n: n["battery_level"] < low,
+            ),
+            _otherwise({"power_autonomy": 1.0}),
+        ),
+    )
+
+
+def _actions(load: int) -> tuple[Line, ...]:
+    return (
+        Line(
+            text="the battery is low",
+            reads=("power_autonomy",),
+            gives={"dock": 1.0},
+            holds=lambda n: n["power_autonomy"] < 0.5,
+        ),
+        Line(text="bumped", reads=("safety",), gives={"start": 1.0}, holds=lambda n: n["safety"] < 0.25),
+        Line(
+            text=f"loaded and container_load >= {load}",
+            reads=("loaded", "container_load"),
+            gives={"deliver": 1.0},
+            holds=lambda n: n["loaded"] > 0.5 and n["container_load"] >= load,
+        ),
+        Line(
+            text="loaded and no order is open",
+            reads=("loaded", "mission_completion"),
+            gives={"deliver": 1.0},
+            holds=lambda n: n["loaded"] > 0.5 and n["mission_completion"] > 0.75,
+        ),
+        Line(
+            text="somebody is close and not loaded",
+            reads=("safety", "loaded"),
+            gives={"start": 1.0},
+            holds=lambda n: n["safety"] < 0.75 and n["loaded"] < 0.5,
+        ),
+        Line(text="somebody is close", reads=("safety",), gives={}, holds=lambda n: n["safety"] < 0.75),
+        Line(
+            text="an order is open",
+            reads=("mission_completion",),
+            gives={"pick": 1.0},
+            holds=lambda n: n["mission_completion"] < 0.75,
+        ),
+        _otherwise({"start": 1.0}),
+    )
+
+
+def _otherwise(gives: Mapping[str, float]) -> Line:
+    return Line(text="otherwise", reads=(), gives=gives, holds=lambda _: True)
+
+
+# As a stage
+
+
+def _stage(
+    inputs: Mapping[str, InputModel], outputs: Sequence[OutputModel], lists: Sequence[Sequence[Line]]
+) -> StageModel:
+    read = sorted({name for lines in lists for line in lines for name in line.reads})
+    compared = _Compared(tuple(read), tuple(each.name for each in outputs), lists)
+    return StageModel(
+        infer=compared.infer,
+        infer_bounds=compared.infer_bounds,
+        inputs=tuple(replace(inputs[name], terms={}) for name in read),
+        outputs=tuple(outputs),
+        rules=tuple(_rules(lists, compared.outputs)),
+        pieces=1,
+    )
+
+
+def _rules(lists: Sequence[Sequence[Line]], outputs: Sequence[str]) -> Sequence[StageRuleModel]:
+    """Return lines as rules: each speaks of all outputs of its list, since it may keep later lines from deciding."""
+    found = []
+    for lines in lists:
+        told = {name for line in lines for name in line.gives}
+        concludes = tuple(name for name in outputs if name in told)
+        found += [StageRuleModel(text=line.text, concludes=concludes, reads=line.reads) for line in lines]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Compared:
+    """Lists of lines, asked as an engine is."""
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    lists: Sequence[Sequence[Line]]
+
+    def infer(self, *numbers: float) -> Inference:
+        """Return what all lists come to; the strength of a line is 1 if it decides."""
+        known = dict(zip(self.inputs, numbers, strict=True))
+        values, strengths = dict.fromkeys(self.outputs, 0.0), []
+        for lines in self.lists:
+            deciding = next(line for line in lines if line.holds(known))
+            values |= deciding.gives
+            strengths += [float(line is deciding) for line in lines]
+        return Inference(tuple(values.values()), tuple(strengths))
+
+    def infer_bounds(self, *bounds: Bounds) -> BoundedInference:
+        """Return all that they can come to: no range holds more than two thresholds, with its middle between them."""
+        ends = (dict.fromkeys((each.low, (each.low + each.high) / 2.0, each.high)) for each in bounds)
+        corners = itertools.product(*ends)
+        found = [self.infer(*corner) for corner in corners]
+        return BoundedInference(
+            tuple(Bounds(min(each), max(each)) for each in zip(*(one.values for one in found), strict=True)),
+            tuple(Bounds(min(each), max(each)) for each in zip(*(one.strengths for one in found), strict=True)),
+        )

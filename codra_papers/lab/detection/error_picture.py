@@ -1,0 +1,74 @@
+"""The map of detection error as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from codra_papers.lab.detection.rows import Row
+
+_MACHINES = ("centrifuge", "pcr_cycler")
+_SMALLEST_RAD = 0.0005
+"""Half of the last digit of the map: smaller errors are drawn here."""
+_COLOURS = ("#33526e", "#2e9e5b", "#d1352b")
+
+
+def draw(rows: Sequence[Row], path: Path) -> None:
+    """Draw a map: per machine how often a tag is found, how far off its corners are, and how far off the lid's angle.
+
+    Args:
+        rows: the map.
+        path: where the picture goes; the ending (`.png`, `.svg`) says in which form.
+    """
+    figure = Figure(figsize=(13, 7.5), layout="constrained")
+    for line, machine in enumerate(_MACHINES):
+        here = [row for row in rows if row.machine == machine]
+        tags = [row for row in here if row.about == "tag"]
+        found = _grid(figure.add_subplot(2, 3, 3 * line + 1), tags, [row.found_share for row in tags], 1.0)
+        found.set_title(f"{machine}: share of whole tags found")
+        corners = _grid(figure.add_subplot(2, 3, 3 * line + 2), tags, [row.error_median for row in tags], 1.0)
+        corners.set_title(f"{machine}: corner error, median in px")
+        _lids(figure.add_subplot(2, 3, 3 * line + 3), [row for row in here if row.about == "lid"], machine)
+    with mpl.rc_context({"svg.hashsalt": "codra", "svg.fonttype": "none"}):
+        figure.savefig(path, dpi=80, metadata={"Date": None} if path.suffix == ".svg" else None)
+
+
+def _grid(axes: Axes, tags: Sequence[Row], values: Sequence[float | None], highest: float) -> Axes:
+    """Draw a number for each distance and angle."""
+    distances = sorted({float(row.distance_m) for row in tags})
+    angles = sorted({row.angle_deg for row in tags if row.angle_deg is not None})
+    cells = np.full((len(angles), len(distances)), np.nan)
+    for row, value in zip(tags, values, strict=True):
+        if row.angle_deg is not None and value is not None:
+            place = angles.index(row.angle_deg), distances.index(float(row.distance_m))
+            cells[place] = value
+            axes.text(place[1], place[0], f"{value:.2f}", ha="center", va="center", fontsize=8)
+    axes.imshow(cells, vmin=0.0, vmax=highest, cmap="Blues", alpha=0.6, aspect="auto", origin="lower")
+    axes.set_xticks(range(len(distances)), [f"{distance_m:g}" for distance_m in distances])
+    axes.set_yticks(range(len(angles)), [str(angle) for angle in angles])
+    axes.set_xlabel("distance in m")
+    axes.set_ylabel("viewing angle in degrees")
+    return axes
+
+
+def _lids(axes: Axes, lids: Sequence[Row], machine: str) -> None:
+    """Draw the lid's angle error over the number of tags, a line for each range of distances."""
+    axes.set_ylim(_SMALLEST_RAD / 1.5, 2.0)
+    for colour, distance_m in zip(_COLOURS, dict.fromkeys(row.distance_m for row in lids), strict=False):
+        rows = [row for row in lids if row.distance_m == distance_m]
+        markers = [row.markers or 0 for row in rows]
+        for line, what in (("o-", "95 %"), ("o:", "median")):
+            errors = [row.error_p95 if what == "95 %" else row.error_median for row in rows]
+            shown = [max(error or 0.0, _SMALLEST_RAD) for error in errors]
+            axes.plot(markers, shown, line, color=colour, label=f"{distance_m} m, {what}")
+    axes.set_yscale("log")
+    axes.set_xticks(range(2, 8))
+    axes.set_xlabel("tags of base and lid")
+    axes.set_ylabel("error in rad")
+    axes.set_title(f"{machine}: lid angle")
+    axes.legend(fontsize=7)

@@ -1,0 +1,143 @@
+"""Where the arm holds the camera for what: to look at a machine, to grip a part, to wait beside it.
+
+The gaze belongs to the action. It does not depend on who watches, and nothing here is chosen to suit an observer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import cos, sin
+from types import MappingProxyType
+
+import numpy as np
+
+from codra_papers.lab.perception.layout import Machine, Part
+from codra_papers.lab.perception.poses import Array, Pose, looking_at
+from codra_papers.lab.simulator.scene import FINGER_TIP_M, PCR_CYCLER_HANDLE_M, PCR_CYCLER_KNOB_M
+
+Gaze = tuple[float, ...]
+"""The camera's place and a point on its axis: six numbers in metres, in one frame."""
+
+_OVERVIEW: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (1.15, 0.0, 0.90, 0.10, 0.0, 0.437),
+        "pcr_cycler": (0.92, 0.0, 0.64, 0.05, 0.0, 0.275),
+        "shaker": (1.00, 0.0, 0.74, 0.08, 0.0, 0.33),
+    }
+)
+"""The whole machine with its lid closed or open, in the machine's base frame."""
+
+_FROM_THE_SIDE: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (1.12, -0.15, 0.88, 0.12, 0.0, 0.437),
+        "pcr_cycler": (0.88, -0.10, 0.58, 0.06, -0.02, 0.27),
+        "shaker": (0.98, -0.12, 0.70, 0.09, -0.01, 0.33),
+    }
+)
+"""The same from half left, to check the latch."""
+
+_INTO_THE_BOWL: Gaze = (0.82, 0.0, 1.08, 0.125, 0.0, 0.36)
+"""Down on the centrifuge's rotor, past its open lid."""
+
+_READY: Mapping[str, Gaze] = MappingProxyType(
+    {
+        "centrifuge": (0.85, 0.0, 0.78, 0.27, 0.0, 0.36),
+        "pcr_cycler": (0.86, 0.06, 0.60, 0.07, 0.02, 0.272),
+        "shaker": (0.88, 0.04, 0.72, 0.12, 0.01, 0.37),
+    }
+)
+"""Where the arm returns to after it touched a machine. That near, an open lid of the large one is out of view."""
+
+DECK_GAZE: Gaze = (0.05, 0.175, 0.57, 0.34, 0.175, 0.164)
+"""Down on the robot's own deck, to put a tray there or take it: in the robot's base frame."""
+
+_STANDING_OFF_M = 0.16
+"""How far the hand stays from a part before it grips and after it let go."""
+
+_GRIP_M: Mapping[tuple[str, Part], tuple[float, float, float]] = MappingProxyType(
+    {
+        ("centrifuge", Part.LID): (0.515, 0.0, 0.065),
+        ("centrifuge", Part.LATCH): (0.0, 0.03, 0.0),
+        ("centrifuge", Part.ROTOR): (0.0, 0.0, 0.02),
+        ("pcr_cycler", Part.LID): PCR_CYCLER_HANDLE_M,
+        ("pcr_cycler", Part.LATCH): PCR_CYCLER_KNOB_M,
+        ("shaker", Part.LID): (0.435, 0.0, 0.055),
+        ("shaker", Part.LATCH): (0.0, 0.02, 0.0),
+    }
+)
+"""Where the fingers hold a part, in the part's frame."""
+
+_HAND_RAD: Mapping[tuple[str, Part], tuple[tuple[float, float], tuple[float, float]]] = MappingProxyType(
+    {
+        ("centrifuge", Part.LID): ((0.55, 0.0), (0.05, 0.0)),
+        ("centrifuge", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
+        ("centrifuge", Part.ROTOR): ((1.05, 0.0), (1.05, 0.0)),
+        ("pcr_cycler", Part.LID): ((0.45, 0.50), (1.07, 0.84)),
+        ("pcr_cycler", Part.LATCH): ((0.20, 0.03), (0.20, 0.03)),
+        ("shaker", Part.LID): ((0.55, 0.0), (0.05, 0.0)),
+        ("shaker", Part.LATCH): ((0.45, 0.0), (0.45, 0.0)),
+    }
+)
+"""How far the hand points down, and from the right to the left, at the two ends of a part's motion."""
+
+_TRAY_M: Mapping[str, tuple[float, float, float]] = MappingProxyType(
+    {"centrifuge": (0.06, 0.0, 0.31), "pcr_cycler": (0.03, 0.0, 0.23), "shaker": (0.04, 0.0, 0.26)}
+)
+"""Where a machine holds the sample tray, in its base frame."""
+
+
+def observation_gaze(shape: str, part: Part) -> Gaze:
+    """Return from where a part of a machine of a shape shows well, in the machine's base frame."""
+    if part is Part.ROTOR:
+        return _INTO_THE_BOWL
+    return _FROM_THE_SIDE[shape] if part is Part.LATCH else _OVERVIEW[shape]
+
+
+def ready_gaze(shape: str) -> Gaze:
+    """Return where the arm waits after it touched a machine of a shape, in the machine's base frame."""
+    return _READY[shape]
+
+
+def grip_gaze(machine: Machine, part: Part, angle_rad: float) -> Gaze:
+    """Return the gaze while the fingers hold a part whose joint is at an angle, in the machine's base frame."""
+    joint = machine.joint(part)
+    base_from_part = machine.map_from_base.inverse() @ machine.map_from_part(part, angle_rad)
+    low_rad, high_rad = joint.range_rad
+    first_rad, last_rad = (np.array(hand_rad) for hand_rad in _HAND_RAD[machine.shape, part])
+    share = (angle_rad - low_rad) / (high_rad - low_rad)
+    pitch_rad, yaw_rad = first_rad + (last_rad - first_rad) * share
+    return _gaze_at_finger_tip(base_from_part.apply(np.array(_GRIP_M[machine.shape, part])), pitch_rad, yaw_rad)
+
+
+def tray_gaze(shape: str) -> Gaze:
+    """Return the gaze while the fingers hold the tray in a machine of a shape, in the machine's base frame."""
+    return _gaze_at_finger_tip(np.array(_TRAY_M[shape]), pitch_rad=0.95, yaw_rad=0.0)
+
+
+def stand_off(gaze: Gaze) -> Gaze:
+    """Return a gaze drawn back along its own axis, so that the hand is clear of what it holds."""
+    eye_m, target_m = np.array(gaze[:3]), np.array(gaze[3:])
+    back_m = (eye_m - target_m) / np.linalg.norm(eye_m - target_m) * _STANDING_OFF_M
+    return _gaze(eye_m + back_m, target_m + back_m)
+
+
+def in_frame(gaze: Gaze, frame_from_machine: Pose) -> Gaze:
+    """Return a gaze given in a machine's base frame in another frame."""
+    return _gaze(*frame_from_machine.apply(np.array(gaze).reshape(2, 3)))
+
+
+def _gaze_at_finger_tip(grip_m: Array, pitch_rad: float, yaw_rad: float) -> Gaze:
+    """Return the gaze of a hand that comes from the machine's front with its tip at a point.
+
+    It points down by a pitch, and from the machine's right to its left by a yaw. The camera stands behind and above
+    the fingers.
+    """
+    ahead = cos(pitch_rad)
+    forward = np.array([-ahead * cos(yaw_rad), -ahead * sin(yaw_rad), -sin(pitch_rad)])
+    axes = looking_at(np.zeros(3), forward).rotation
+    eye_m = grip_m - axes @ np.array(FINGER_TIP_M)
+    return _gaze(eye_m, eye_m + 0.5 * forward)
+
+
+def _gaze(eye_m: Array, target_m: Array) -> Gaze:
+    return tuple(float(number) for number in (*eye_m, *target_m))

@@ -1,0 +1,277 @@
+"""The main execution of the laboratory: P1's sample-processing workflow (section 4) as plain Python.
+
+The robot fetches samples from the centrifuge, lets the PCR-cycler work on them and brings them back. Every decision
+asks the context manager first and falls back to looking, as P1's robot did without observers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+
+from codra_papers.lab.context import ActingSkill, Context
+from codra_papers.lab.robot import Clock, OutOfReachError, Robot, RotorPosition
+from codra_papers.lab.sequential_perception import SequentialPerception
+
+CENTRIFUGE = "centrifuge"
+PCR_CYCLER = "pcr_cycler"
+
+SKILLS = (
+    *(
+        f"{verb}_{machine}"
+        for machine in (CENTRIFUGE, PCR_CYCLER)
+        for verb in ("drive_to", "unlock", "open", "close", "lock")
+    ),
+    "turn_centrifuge_rotor",
+    "take_samples_from_centrifuge",
+    "bring_samples_to_centrifuge",
+)
+"""What it does: a spec must declare all of it."""
+
+DECIDES_ON = (
+    "robot_is_localized",
+    *(
+        f"{machine}_{what}"
+        for machine in (CENTRIFUGE, PCR_CYCLER)
+        for what in ("in_manipulation_distance", "open", "locked")
+    ),
+    "centrifuge_rotor_in_pos_1",
+    "centrifuge_rotor_in_pos_2",
+)
+"""The context-variables that it asks for, each of them true or false."""
+
+TRIES = 2
+"""How often an action is tried before the mission gives up."""
+
+WAIT_S = 8.0
+"""How long the robot waits for observers after an action: looking itself would take longer."""
+
+_IN_POSITION = {RotorPosition.FIRST: "centrifuge_rotor_in_pos_1", RotorPosition.SECOND: "centrifuge_rotor_in_pos_2"}
+
+
+class MissionError(RuntimeError):
+    """The main execution cannot go on (P1, section 4.1: an unrecoverable error)."""
+
+
+class Expect(StrEnum):
+    """Whether the main execution says beforehand which skill comes next."""
+
+    ONE_AHEAD = "one action ahead"
+    NOTHING = "nothing"
+
+
+class Mission:
+    """The sample-processing workflow, decided on context.
+
+    Attributes:
+        loops: how many batches of samples were processed.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        eyes: SequentialPerception,
+        codra: Context,
+        clock: Clock,
+        expect: Expect = Expect.ONE_AHEAD,
+        *,
+        wait_s: float = WAIT_S,
+    ) -> None:
+        """Take command of a robot.
+
+        Args:
+            robot: its body.
+            eyes: what it looks with where context does not answer.
+            codra: the context, which may know nothing: then every decision looks, as in P1 without observers.
+            clock: what it waits on.
+            expect: whether it says beforehand what comes next.
+            wait_s: how long it waits for observers after an action; 0 where there are none.
+        """
+        self.loops = 0
+        self._robot = robot
+        self._eyes = eyes
+        self._codra = codra
+        self._clock = clock
+        self._expecting = expect
+        self._wait_s = wait_s
+
+    def run_loop(self) -> None:
+        """Process one batch of samples, from the centrifuge through the PCR-cycler and back.
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+        """
+        try:
+            self._process_a_batch()
+        except OutOfReachError as error:
+            raise MissionError(str(error)) from error
+        self.loops += 1
+
+    def open_and_close(self, machine: str, times: int) -> None:
+        """Drive to a machine, then unlock and open it and close and lock it again and again (P1, section 4.2).
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+        """
+        try:
+            self._drive_to(machine)
+            for _ in range(times):
+                self._unlock(machine)
+                self._open(machine)
+                self._close(machine)
+                self._lock(machine)
+        except OutOfReachError as error:
+            raise MissionError(str(error)) from error
+
+    def wait_beside(self, machine: str, until_s: float) -> None:
+        """Drive to a machine and open it, wait beside it to an instant, and close it.
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+        """
+        try:
+            self._drive_to(machine)
+            self.open_machine(machine)
+            self._clock.sleep(max(until_s - self._clock.now_s(), 0.0))
+            self.close_machine(machine)
+        except OutOfReachError as error:
+            raise MissionError(str(error)) from error
+
+    def _process_a_batch(self) -> None:
+        self._visit(CENTRIFUGE, self._take_from_centrifuge)
+        self._visit(PCR_CYCLER, lambda: self._bring_samples(PCR_CYCLER))
+        self._clock.sleep(self._robot.laboratory.amplification_s)
+        self._visit(PCR_CYCLER, lambda: self._take_samples(PCR_CYCLER))
+        self._visit(CENTRIFUGE, self._bring_to_centrifuge)
+
+    def _visit(self, machine: str, work_inside: Callable[[], None]) -> None:
+        """Drive to a machine, open it, do something inside, and leave it closed and locked."""
+        self._drive_to(machine)
+        self.open_machine(machine)
+        work_inside()
+        self.close_machine(machine)
+
+    def open_machine(self, machine: str) -> None:
+        """Unlock and open a machine that stands in reach: four perception tasks, as in P1, section 4.2.
+
+        Before each action the robot finds out whether it is needed (situation preview), after it whether it came to
+        its goal (situation monitoring).
+
+        Raises:
+            MissionError: if something could not be decided, or an action failed again and again.
+            OutOfReachError: if the machine stands too far.
+        """
+        self._unlock(machine)
+        self._open(machine)
+
+    def close_machine(self, machine: str) -> None:
+        """Close and lock a machine that stands in reach: four perception tasks again, and the same errors."""
+        self._close(machine)
+        self._lock(machine)
+
+    # Skills: what each decides on stands in the spec under its name.
+
+    def _drive_to(self, machine: str) -> None:
+        with self._codra.skill(f"drive_to_{machine}"):
+            self._localize()
+            self._expect(f"unlock_{machine}")
+            self._robot.drive_to(machine)
+            self._localize()
+
+    def _unlock(self, machine: str) -> None:
+        with self._codra.skill(f"unlock_{machine}") as skill:
+            self._require(f"{machine}_in_manipulation_distance")
+            if self._decide(f"{machine}_locked"):
+                self._expect(f"open_{machine}")
+                self._act(skill, lambda: self._robot.unlock(machine), f"{machine}_locked", goal=False)
+
+    def _open(self, machine: str) -> None:
+        with self._codra.skill(f"open_{machine}") as skill:
+            self._require(f"{machine}_in_manipulation_distance")
+            if not self._decide(f"{machine}_open"):
+                self._expect("turn_centrifuge_rotor" if machine == CENTRIFUGE else f"close_{machine}")
+                self._act(skill, lambda: self._robot.open_lid(machine), f"{machine}_open", goal=True)
+
+    def _close(self, machine: str) -> None:
+        with self._codra.skill(f"close_{machine}") as skill:
+            self._require(f"{machine}_in_manipulation_distance")
+            if self._decide(f"{machine}_open"):
+                self._expect(f"lock_{machine}")
+                self._act(skill, lambda: self._robot.close_lid(machine), f"{machine}_open", goal=False)
+
+    def _lock(self, machine: str) -> None:
+        with self._codra.skill(f"lock_{machine}") as skill:
+            self._require(f"{machine}_in_manipulation_distance")
+            self._forbid(f"{machine}_open")
+            self._act(skill, lambda: self._robot.lock(machine), f"{machine}_locked", goal=True)
+
+    def _turn_rotor(self, position: RotorPosition, then: str) -> None:
+        with self._codra.skill("turn_centrifuge_rotor") as skill:
+            self._require("centrifuge_open")
+            if not self._decide(_IN_POSITION[position]):
+                self._expect(then)
+                self._act(skill, lambda: self._robot.turn_rotor(position), _IN_POSITION[position], goal=True)
+
+    def _take_from_centrifuge(self) -> None:
+        self._turn_rotor(RotorPosition.FIRST, then="take_samples_from_centrifuge")
+        with self._codra.skill("take_samples_from_centrifuge"):
+            self._require("centrifuge_open", _IN_POSITION[RotorPosition.FIRST])
+            self._expect("close_centrifuge")
+            self._take_samples(CENTRIFUGE)
+
+    def _bring_to_centrifuge(self) -> None:
+        self._turn_rotor(RotorPosition.SECOND, then="bring_samples_to_centrifuge")
+        with self._codra.skill("bring_samples_to_centrifuge"):
+            self._require("centrifuge_open", _IN_POSITION[RotorPosition.SECOND])
+            self._expect("close_centrifuge")
+            self._bring_samples(CENTRIFUGE)
+
+    def _take_samples(self, machine: str) -> None:
+        self._robot.take_samples(machine)
+        if not self._robot.is_carrying:
+            raise MissionError(f"no samples could be taken from the {machine}")
+
+    def _bring_samples(self, machine: str) -> None:
+        self._robot.bring_samples(machine)
+        if self._robot.is_carrying:
+            raise MissionError(f"the samples could not be put into the {machine}")
+
+    # Acting and deciding
+
+    def _act(self, skill: ActingSkill, action: Callable[[], None], variable: str, *, goal: bool) -> None:
+        """Act, then check by evidence from after the action whether it came to its goal."""
+        for _ in range(TRIES):
+            with skill.acting():
+                action()
+            if self._decide(variable, since_s=self._clock.now_s(), wait_up_to_s=self._wait_s) == goal:
+                return
+        raise MissionError(f"{variable} is not {str(goal).lower()} after {TRIES} tries")
+
+    def _decide(self, variable: str, since_s: float = float("-inf"), wait_up_to_s: float = 0.0) -> bool:
+        """Answer a yes-or-no decision from context or, failing that, by looking."""
+        answer = self._codra.decide(
+            variable, otherwise=lambda: self._eyes.look_for(variable), since_s=since_s, wait_up_to_s=wait_up_to_s
+        )
+        if answer is None:
+            raise MissionError(f"{variable} cannot be seen")
+        return bool(answer)
+
+    def _require(self, *variables: str) -> None:
+        for variable in variables:
+            if not self._decide(variable):
+                raise MissionError(f"{variable} is false where it must be true")
+
+    def _forbid(self, variable: str) -> None:
+        if self._decide(variable):
+            raise MissionError(f"{variable} is true where it must be false")
+
+    def _expect(self, *skills: str) -> None:
+        if self._expecting is Expect.ONE_AHEAD:
+            self._codra.expect(*skills)
+
+    def _localize(self) -> None:
+        """Tell what the robot knows of its place, and let it find out again where it is lost."""
+        self._codra.set("robot_is_localized", self._robot.is_localized())
+        if not self._codra.decide("robot_is_localized", otherwise=self._robot.is_localized):
+            self._robot.relocalize()
+            self._codra.set("robot_is_localized", self._robot.is_localized())

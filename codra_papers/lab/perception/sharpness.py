@@ -1,0 +1,242 @@
+"""Whether a frame is good enough that seeing no tag in it means that there is none: its light, blur and noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import atan2, hypot, pi, sqrt
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from codra_papers.lab.perception.frame import Frame
+
+_BLUR_LIMIT_PX2 = 1.1
+"""Variance of a blur, summed over both directions, under which the detector begins to miss tags of 20 to 30 pixels: a
+motion of 4 to 5 pixels within the exposure."""
+
+_NEEDED_NOISE = 12.0
+"""How bright, in standard deviations of the noise, white must be for the detector to find such tags."""
+
+_NEEDED_GREYS = 10.0
+"""How bright white must be without any noise: the detector's own threshold."""
+
+_SATURATED_GREYS = 250
+_SATURATED_LIMIT = 0.2
+"""Share of the pixels that are too bright to show anything, from which on a tag may be lost among them."""
+
+_REACH_PX = 6
+_LENS_BLUR_PX = 0.8
+"""Deviation of the blur that is added, the same in all directions, before slopes are taken from noisy pixels."""
+
+_NOISE_LEFT = 0.35
+"""What that blur leaves of the noise; of the noise in a slope it leaves a quarter."""
+
+_FLATTEST_EDGE = 1.5
+_EDGE_OVER_NOISE = 6.0
+"""An edge is steeper than this many deviations of a slope: in a frame of noise alone there is none."""
+
+_AIM_RAD = pi / 12
+"""How far the direction of an edge may be from the one that it is counted for."""
+
+_FEWEST_EDGES = 40
+_FEWER_SHARE = 0.2
+"""Fewer edges than this share of those of the crossed direction: a motion may have wiped them out."""
+
+_MOST_EDGES = 12_000
+_SHARPER_PERCENTILE = 25
+"""A frame is as sharp as the sharper quarter of its edges: round things and prints seen near have soft ones."""
+
+_LINE_WIDENING = 0.3
+"""A thin line looks sharper than a step under the same blur; that much of the width is added to make up for it."""
+
+_BLOCK_PX = 16
+
+_FRAMES_KEPT = 8
+"""Observers of several machines look at one frame within an instant or two, so a few frames are enough."""
+
+_ROUGHNESS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
+
+_Picture = NDArray[np.float32]
+_Places = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Direction:
+    """A direction across edges.
+
+    Attributes:
+        sharpest_px: width of edges across it in a frame of a still scene.
+    """
+
+    right: int
+    down: int
+    sharpest_px: float
+
+    def stride_px(self) -> float:
+        """Return the distance from one sample to the next."""
+        return hypot(self.right, self.down)
+
+    def angle_rad(self) -> float:
+        """Return the angle from right, growing downwards."""
+        return atan2(self.down, self.right)
+
+
+_CROSSED_PAIRS = (
+    (_Direction(right=1, down=0, sharpest_px=3.06), _Direction(right=0, down=1, sharpest_px=3.06)),
+    (_Direction(right=1, down=1, sharpest_px=3.54), _Direction(right=-1, down=1, sharpest_px=3.54)),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Edges:
+    """Steep places of a picture.
+
+    Attributes:
+        greys: the picture, row by row.
+        row_px: how long a row is.
+        places: indices into `greys`.
+        angles_rad: their directions.
+    """
+
+    greys: _Picture
+    row_px: int
+    places: _Places
+    angles_rad: NDArray[np.float32]
+    noise: float
+
+
+@lru_cache(maxsize=_FRAMES_KEPT)
+def sharpness(frame: Frame) -> float:
+    """Return how well a frame would show a small tag: 1 at best, 0 if it shows nothing.
+
+    A frame is judged once however many callers ask.
+
+    It is 1 / (1 + blur + darkness + glare), where each is 1 at the limit beyond which the detector begins to miss tags:
+    blur by the widths of edges, in two crossed directions at least; darkness by the brightest parts against the noise;
+    glare by the saturated share. Without enough edges to tell, as in a grey frame, it is 0.
+
+    Why 0.5 is where seeing no tag begins to mean something: in 900 drawn frames with light from a twentieth of a day to
+    a day and turns up to 1.5 rad/s, the detector found of the whole tags in view (20 pixels wide or more)
+
+        sharpness   0-0.2  0.2-0.3  0.3-0.4  0.4-0.5  0.5-0.6  0.6-0.7  0.7-0.8  0.8-1
+        found       58 %   80 %     75 %     87 %     100 %    99.8 %   100 %    99.8 %
+
+    that is 1774 of 1776 from 0.5 on. All still frames of machines in daylight reach 0.5, of those without a machine 83
+    of 84, but in a turn of over 0.6 rad/s (4 pixels within the exposure) only one in eleven.
+    """
+    grey = cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    noise = _noise_greys(grey)
+    blur_px2 = _blur_px2(_edges(grey, noise))
+    if blur_px2 is None:
+        return 0.0
+    sample = grey[::4, ::4].ravel()
+    white_greys = max(_percentile(sample, 95), 1.0)
+    darkness = max(_NEEDED_GREYS, _NEEDED_NOISE * noise) / white_greys
+    glare = int(np.count_nonzero(sample >= _SATURATED_GREYS)) / sample.size / _SATURATED_LIMIT
+    return 1.0 / (1.0 + blur_px2 / _BLUR_LIMIT_PX2 + darkness + glare)
+
+
+def _noise_greys(grey: _Picture) -> float:
+    """Return the standard deviation of the noise where the picture is flattest (Immerkaer's mask, block by block)."""
+    rough = np.abs(cv2.filter2D(grey, -1, _ROUGHNESS))
+    blocks = cv2.resize(rough, (grey.shape[1] // _BLOCK_PX, grey.shape[0] // _BLOCK_PX), interpolation=cv2.INTER_AREA)
+    return _percentile(np.asarray(blocks, dtype=np.float32).ravel(), 10) * sqrt(pi / 2)
+
+
+def _percentile(values: _Picture, percent: float) -> float:
+    """Return what `np.percentile` does for numbers, shape (n,), of which none is NaN, in a third of its time."""
+    place = (len(values) - 1) * (percent / 100)
+    before = min(int(place), len(values) - 2)
+    if before < 0:
+        return float(values[0])
+    share = place - before
+    low, high = np.partition(values, (before, before + 1))[before : before + 2]
+    return float(low + (high - low) * share if share < 0.5 else high - (high - low) * (1 - share))
+
+
+def _edges(grey: _Picture, noise: float) -> _Edges:
+    """Return places that are steeper than noise, evenly drawn from all if there are very many."""
+    picture = np.asarray(cv2.GaussianBlur(grey, (0, 0), _LENS_BLUR_PX), dtype=np.float32)
+    height, width = picture.shape
+    margin = _REACH_PX + 2
+    rows, columns = slice(margin, height - margin), slice(margin, width - margin)
+    right = cv2.subtract(picture[rows, margin + 1 : 1 - margin], picture[rows, margin - 1 : -1 - margin])
+    down = cv2.subtract(picture[margin + 1 : 1 - margin, columns], picture[margin - 1 : -1 - margin, columns])
+    flattest = max(_FLATTEST_EDGE, _EDGE_OVER_NOISE * noise / 4)
+    steep = np.flatnonzero(cv2.magnitude(right, down) > 2 * flattest)  # both are differences over two pixels
+    steep = steep[:: 1 + len(steep) // _MOST_EDGES]
+    angles_rad = np.arctan2(down.ravel()[steep], right.ravel()[steep])
+    steep_rows, steep_columns = np.divmod(steep, right.shape[1])
+    places = (steep_rows + margin) * width + steep_columns + margin
+    return _Edges(picture.ravel(), width, places, angles_rad, noise)
+
+
+def _blur_px2(edges: _Edges) -> float | None:
+    """Return the variance of the blur, summed over two crossed directions; None if there are too few edges to tell.
+
+    A motion blurs the edges across it and leaves sharp streaks along it. Whatever its direction, it shows in the worse
+    of the two pairs of crossed directions, or it has wiped out nearly all edges of one direction.
+    """
+    sums_px2: list[float] = []
+    for pair in _CROSSED_PAIRS:
+        facing = [_facing(edges, direction) for direction in pair]
+        fewer, more = sorted(len(edges.places) for edges in facing)
+        if more >= _FEWEST_EDGES and fewer < _FEWER_SHARE * more:
+            return None
+        added_px2 = [_added_blur_px2(edges, direction) for edges, direction in zip(facing, pair, strict=True)]
+        if None not in added_px2:
+            sums_px2.append(sum(filter(None, added_px2)))
+    return max(sums_px2, default=None)
+
+
+def _added_blur_px2(edges: _Edges, direction: _Direction) -> float | None:
+    """Return the variance of the blur across a direction, beyond that of the lens; None if there are too few edges."""
+    width_px = _width_px(edges, direction)
+    return None if width_px is None else max(width_px**2 - direction.sharpest_px**2, 0.0) / (2 * pi)
+
+
+def _width_px(edges: _Edges, direction: _Direction) -> float | None:
+    """Return how wide the sharper of edges across a direction are, or None if there are too few to tell.
+
+    A width is an edge's height over its slope; for a step under a Gaussian blur it is sqrt(2 pi) times the deviation.
+    """
+    upwards = _upwards(edges, direction)
+    around = _profiles(edges.greys, edges.places, upwards, 2)
+    before, here, after = np.abs(around[2:] - around[:-2]) / (2 * direction.stride_px())
+    is_steepest = (here >= before) & (here > after)
+    steepest, reach = here[is_steepest], int(_REACH_PX / direction.stride_px())
+    profiles = _profiles(edges.greys, edges.places[is_steepest], upwards[is_steepest], reach)
+    tops, feet = profiles[reach:].max(axis=0), profiles[: reach + 1].min(axis=0)
+    heights = np.maximum(tops - feet - 1.35 * _NOISE_LEFT * edges.noise, 0.0)  # the extremes of seven noisy values
+    step_share = np.clip((profiles[-1] - profiles[0]) / np.maximum(tops - feet, 1e-6), 0.0, 1.0)
+    widths_px = heights / steepest * (1.0 + _LINE_WIDENING * (1.0 - step_share))
+    widths_px = widths_px[tops < _SATURATED_GREYS]  # beyond, an edge is cut off and looks sharper than it is
+    return None if len(widths_px) < _FEWEST_EDGES else _percentile(widths_px, _SHARPER_PERCENTILE)
+
+
+def _profiles(greys: _Picture, places: _Places, upwards: _Places, reach: int) -> _Picture:
+    """Return the greys around places, from `reach` steps before to as many after, shape (2 * reach + 1, n)."""
+    return greys.take(places + upwards * np.arange(-reach, reach + 1)[:, None])
+
+
+def _upwards(edges: _Edges, direction: _Direction) -> _Places:
+    """Return the step from place to place that leads along a direction, from each edge's dark side to its bright."""
+    step = direction.down * edges.row_px + direction.right
+    return np.where(np.cos(edges.angles_rad - direction.angle_rad()) > 0, step, -step)
+
+
+def _facing(edges: _Edges, direction: _Direction) -> _Edges:
+    """Return the edges that a direction crosses at nearly a right angle."""
+    off_rad = _modulo_pi(edges.angles_rad - direction.angle_rad() + pi / 2) - pi / 2
+    faces = np.flatnonzero(np.abs(off_rad) < _AIM_RAD)
+    return replace(edges, places=edges.places[faces], angles_rad=edges.angles_rad[faces])
+
+
+def _modulo_pi(angles_rad: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what `np.mod` does for angles between -2 pi and 2 pi, in a tenth of its time."""
+    half_turn = np.float32(pi)
+    angles_rad = angles_rad - half_turn * (angles_rad >= half_turn).astype(np.float32)  # `np.where` takes twice as long
+    angles_rad = angles_rad + half_turn * (angles_rad <= -half_turn).astype(np.float32)
+    return angles_rad + half_turn * (angles_rad < 0).astype(np.float32)

@@ -1,0 +1,104 @@
+"""AprilTags of family 36h11 in pixels: their pictures, and where a frame shows them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from threading import Lock
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from codra_papers.lab.perception.frame import Frame
+from codra_papers.lab.perception.layout import known_tag_ids
+from codra_papers.lab.perception.poses import Array
+from codra_papers.lab.perception.refine import refined_corners_px
+
+CELLS_ACROSS = 8
+"""Cells along the side of the black square, which is a tag's size: 6 of code and a black one at each end."""
+
+FAMILY_SIZE = 587
+"""How many tags the family has; ids run from 0."""
+
+_FRAMES_KEPT = 8
+"""Observers of several machines look at one frame within an instant or two, so a few frames are enough."""
+
+_detecting = Lock()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detection:
+    """One tag as a frame shows it.
+
+    Attributes:
+        tag_id: its number in the family.
+        corners_px: shape (4, 2), sub-pixel: the black square's top left, top right, bottom right and bottom left as
+            seen on an upright tag, wherever these lie in the image. Pixel centres have whole coordinates.
+    """
+
+    tag_id: int
+    corners_px: Array
+
+
+def tag_image(tag_id: int) -> NDArray[np.uint8]:
+    """Return a tag's picture, shape (10, 10), one pixel per cell, 0 black and 255 white, upright.
+
+    The outer ring is the white border that detection needs; the black square, whose side is the tag's size, spans the
+    inner 8 x 8 cells. Enlarge it without interpolation.
+
+    Raises:
+        ValueError: the family has no such tag.
+    """
+    if not 0 <= tag_id < FAMILY_SIZE:
+        raise ValueError(f"tag {tag_id} is not in the family 36h11, whose ids run from 0 to {FAMILY_SIZE - 1}")
+    square = cv2.aruco.generateImageMarker(_family(), tag_id, CELLS_ACROSS)
+    return np.pad(square, 1, constant_values=255).astype(np.uint8)
+
+
+def detect(frame: Frame) -> tuple[Detection, ...]:
+    """Return the laboratory's tags that a frame shows, by growing id; of an id seen twice, none.
+
+    A frame is searched once however many callers ask, also from several threads. The same pixels give the same
+    detections in every process.
+    """
+    with _detecting:
+        return _detect_once(frame)
+
+
+@lru_cache(maxsize=_FRAMES_KEPT)
+def _detect_once(frame: Frame) -> tuple[Detection, ...]:
+    grey = np.asarray(cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    known = known_tag_ids()
+    quads, places, _ = _detector(known).detectMarkers(grey)
+    if places is None:
+        return ()
+    tag_ids = [known[int(place)] for place in np.asarray(places).ravel()]
+    corners_px = refined_corners_px(grey, np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2))
+    found = sorted(zip(tag_ids, corners_px, strict=True), key=lambda item: item[0])
+    return tuple(
+        Detection(tag_id=tag_id, corners_px=corners) for tag_id, corners in found if tag_ids.count(tag_id) == 1
+    )
+
+
+@lru_cache(maxsize=1)
+def _family() -> cv2.aruco.Dictionary:
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+
+@lru_cache(maxsize=1)
+def _detector(tag_ids: tuple[int, ...]) -> cv2.aruco.ArucoDetector:
+    """Return the one detector for some tags, of 15 to 150 px a side, from bright day down to an eighth of it."""
+    cv2.setNumThreads(1)  # the frames are small: more threads cost more than they bring, and take cores from others
+    codes = np.ascontiguousarray(_family().bytesList[list(tag_ids)])  # all 587 codes would take 1 ms a candidate
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.adaptiveThreshWinSizeMin = 5
+    parameters.adaptiveThreshWinSizeMax = 21
+    parameters.adaptiveThreshWinSizeStep = 8
+    parameters.adaptiveThreshConstant = 5
+    parameters.minMarkerPerimeterRate = 0.06
+    parameters.minDistanceToBorder = 1
+    parameters.perspectiveRemovePixelPerCell = 8  # the default, 4, misses one small tag in twenty
+    return cv2.aruco.ArucoDetector(
+        cv2.aruco.Dictionary(codes, _family().markerSize, _family().maxCorrectionBits), parameters
+    )

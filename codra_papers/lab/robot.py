@@ -1,0 +1,466 @@
+"""The robot's body: it drives, looks and manipulates. Every action takes time and moves the camera.
+
+An action does what its hand does to the world, and no more: to pull a locked lid opens nothing, and now and then a
+part slips. The robot is not told; it has to look.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, StrEnum
+from math import atan2, hypot, pi, remainder
+from random import Random
+from typing import Protocol
+
+from codra_papers.lab.gaze import (
+    DECK_GAZE,
+    Gaze,
+    grip_gaze,
+    in_frame,
+    observation_gaze,
+    ready_gaze,
+    stand_off,
+    tray_gaze,
+)
+from codra_papers.lab.perception.layout import Machine, Part
+from codra_papers.lab.perception.poses import Pose
+from codra_papers.lab.simulator.durations import Phase, Spread
+from codra_papers.lab.simulator.world import (
+    HOME,
+    TRAVEL_GAZE,
+    Channel,
+    JointKey,
+    LabWorld,
+    Move,
+    Path,
+    Quantity,
+    Values,
+    straight,
+)
+
+
+class Clock(Protocol):
+    """The time that the robot's actions take place in."""
+
+    def now_s(self) -> float:
+        """Return the present instant in seconds."""
+        ...
+
+    def sleep(self, duration_s: float) -> None:
+        """Let time pass."""
+        ...
+
+
+class Station(StrEnum):
+    """Where the robot can drive to."""
+
+    CENTRIFUGE = "centrifuge"
+    PCR_CYCLER = "pcr_cycler"
+    HOME = "home"
+
+
+class RotorPosition(Enum):
+    """The indexed positions of the centrifuge's rotor, by its angle."""
+
+    FIRST = 0.0
+    SECOND = pi
+
+
+class OutOfReachError(Exception):
+    """The robot stands too far from a machine to touch it or to look at it from near."""
+
+
+class LostError(Exception):
+    """The robot does not know where it stands, and so does not drive."""
+
+
+SLIP_CHANCE = 0.03
+"""How often a lever or a lid slips from the hand..."""
+
+SLIP_SHARE = 0.3
+"""...after this share of its way, where it stays."""
+
+LOSS_CHANCE = 0.05
+"""How often the robot's localisation is lost on a drive."""
+
+STATION_DISTANCE_M = 0.85
+"""How far before a machine's middle the robot stands to tend it."""
+
+_AISLE_M = (2.05, 2.3)
+_THERE_M = 0.05
+_REACH_M = 0.95
+_DRIVE_M_PER_S = 0.28
+_TURN_RAD_PER_S = 0.45
+_GRIPPED_M = 0.022
+_OPENED_M = 0.08
+_GAZE_DEVIATION_M = 0.01
+_LOOKING = frozenset({Phase.PLAN_LOOK, Phase.MOVE_CAMERA, Phase.SETTLE})
+
+
+class Localization:
+    """The handle that perception functions get as `base`: what the mobile base knows of its place. It moves nothing."""
+
+    def __init__(self, world: LabWorld, clock: Clock) -> None:
+        self._world = world
+        self._clock = clock
+
+    def believed_map_from_base(self) -> Pose:
+        """Return where the robot believes its base stands now."""
+        return self._world.believed_map_from_robot(self._clock.now_s())
+
+
+class Robot:
+    """A mobile manipulator. Its methods are called by one thread, one after the other, and return when they are done.
+
+    Attributes:
+        laboratory: in which it works.
+        is_carrying: whether a sample tray lies on its deck.
+    """
+
+    def __init__(self, world: LabWorld, clock: Clock, random: Random) -> None:
+        """Take over the robot of a world.
+
+        Args:
+            world: where it stands.
+            clock: what its actions wait on.
+            random: what its durations, slips and losses are drawn from; of its own, so that whoever watches changes
+                nothing. What looking takes is drawn apart: how often it looks changes nothing of its other actions.
+        """
+        self._world = world
+        self._clock = clock
+        self._random = random
+        self._looking = Random(random.random())
+        self.laboratory = world.laboratory
+        self.is_carrying = False
+
+    # What it knows of itself
+
+    def is_localized(self) -> bool:
+        """Return whether it knows where it stands."""
+        return self._world.state(self._clock.now_s()).is_localized
+
+    def believed_map_from_base(self) -> Pose:
+        """Return where it believes its base stands now."""
+        return self._world.believed_map_from_robot(self._clock.now_s())
+
+    # Driving
+
+    def drive_to(self, station: str) -> None:
+        """Stow the arm, drive to a station, turning on the spot at both ends, and raise the arm to tend a machine.
+
+        A station is home, or a machine by its name. It takes about a minute. On the way the localisation may be lost;
+        the robot then arrives by its wheels.
+
+        Raises:
+            LostError: it does not know where it stands to begin with.
+            ValueError: there is no such machine.
+        """
+        if not self.is_localized():
+            raise LostError("the robot does not know where it stands; let it relocalize before it drives")
+        self._wait(Phase.PLAN_DRIVE)
+        self._move_camera(TRAVEL_GAZE, Phase.STOW_ARM)
+        goal = self._goal(station)
+        is_lost_on_the_way = self._random.random() < LOSS_CHANCE
+        *corners, end = self._way_to(goal)
+        for corner in corners:
+            self._drive_straight_to(*corner)
+        if is_lost_on_the_way:
+            self._schedule(self._move(Quantity.LOCALIZED, (0.0,), 0.0))
+        self._drive_straight_to(*end)
+        self._turn(goal[2])
+        if station != Station.HOME:
+            self._move_camera(self._in_robot(station, ready_gaze(self._machine(station).shape)), Phase.RAISE_ARM)
+
+    def relocalize(self) -> None:
+        """Look around until the robot knows again where it stands."""
+        duration_s = self._draw(Phase.LOOK_AROUND)
+        self._clock.sleep(0.9 * duration_s)
+        self._schedule(self._move(Quantity.LOCALIZED, (1.0,), 0.0))
+        self._clock.sleep(0.1 * duration_s)
+
+    def _goal(self, station: str) -> tuple[float, float, float]:
+        """Return where the base truly ends up: at the station, as far off as the robot believes it is not."""
+        wanted = Pose.planar(*HOME) if station == Station.HOME else _before(self._machine(station))
+        state = self._world.state(self._clock.now_s())
+        believed = self._world.believed_map_from_robot(state.t_s)
+        goal = wanted @ believed.inverse() @ state.map_from_robot()
+        return (*goal.translation_m[:2].tolist(), atan2(goal.rotation[1, 0], goal.rotation[0, 0]))
+
+    def _way_to(self, goal: tuple[float, float, float]) -> list[tuple[float, float]]:
+        """Return the points to drive through, past the table of the PCR-cycler, which stands in the room's middle."""
+        _, y_m, _ = self._world.state(self._clock.now_s()).base
+        table_y_m = self._machine(Station.PCR_CYCLER).map_from_base.translation_m[1]
+        passes_table = (y_m < table_y_m) != (goal[1] < table_y_m)
+        return [_AISLE_M, goal[:2]] if passes_table else [goal[:2]]
+
+    def _drive_straight_to(self, x_m: float, y_m: float) -> None:
+        from_x_m, from_y_m, heading_rad = self._world.state(self._clock.now_s()).base
+        length_m = hypot(x_m - from_x_m, y_m - from_y_m)
+        if length_m < _THERE_M:
+            return
+        course_rad = _nearest(heading_rad, atan2(y_m - from_y_m, x_m - from_x_m))
+        self._turn(course_rad)
+        duration_s = self._varied(2.0 + length_m / _DRIVE_M_PER_S)
+        self._schedule(self._move(Quantity.BASE, (x_m, y_m, course_rad), duration_s))
+        self._clock.sleep(duration_s)
+
+    def _turn(self, heading_rad: float) -> None:
+        x_m, y_m, before_rad = self._world.state(self._clock.now_s()).base
+        after_rad = _nearest(before_rad, heading_rad)
+        duration_s = self._varied(1.5 + abs(after_rad - before_rad) / _TURN_RAD_PER_S)
+        self._schedule(self._move(Quantity.BASE, (x_m, y_m, after_rad), duration_s))
+        self._clock.sleep(duration_s)
+
+    # Looking
+
+    def look_at(self, machine: str, part: Part) -> None:
+        """Move the camera to where a part shows well and wait until it stands still: about 12 s.
+
+        The robot goes by where it believes to stand, and takes a pose anew each time, a centimetre or so from the last.
+
+        Raises:
+            OutOfReachError: the machine is too far to be looked at from near.
+            ValueError: there is no such machine.
+        """
+        self._check_reach(machine)
+        believed = self._world.believed_map_from_robot(self._clock.now_s())
+        told = self._machine(machine)
+        gaze = in_frame(observation_gaze(told.shape, part), believed.inverse() @ told.map_from_base)
+        eye_m = tuple(number_m + self._looking.gauss(0.0, _GAZE_DEVIATION_M) for number_m in gaze[:3])
+        self._wait(Phase.PLAN_LOOK)
+        self._move_camera(eye_m + gaze[3:], Phase.MOVE_CAMERA)
+        self._wait(Phase.SETTLE)
+
+    # Manipulating
+
+    def unlock(self, machine: str) -> None:
+        """Turn a machine's latch lever to unlocked: about two minutes. The arm then waits beside the machine.
+
+        Raises:
+            OutOfReachError: the machine is out of the arm's reach. So for all that manipulates.
+            ValueError: there is no such machine. Likewise.
+        """
+        self._move_part(machine, Part.LATCH, self._end_rad(machine, Part.LATCH), (Phase.PLAN_UNLOCK, Phase.TURN_LEVER))
+
+    def lock(self, machine: str) -> None:
+        """Turn a machine's latch lever to locked: about a minute and a half."""
+        self._move_part(machine, Part.LATCH, 0.0, (Phase.PLAN_LOCK, Phase.TURN_LEVER))
+
+    def open_lid(self, machine: str) -> None:
+        """Pull a machine's lid open: about two and a half minutes. A locked lid does not follow the hand."""
+        self._move_part(machine, Part.LID, self._end_rad(machine, Part.LID), (Phase.PLAN_OPEN, Phase.LIFT_LID))
+
+    def close_lid(self, machine: str) -> None:
+        """Lower a machine's lid: about two minutes."""
+        self._move_part(machine, Part.LID, 0.0, (Phase.PLAN_CLOSE, Phase.LOWER_LID))
+
+    def turn_rotor(self, position: RotorPosition) -> None:
+        """Turn the centrifuge's rotor to a position: about a minute. Through a closed lid nothing is turned."""
+        machine = Station.CENTRIFUGE.value
+        self._check_reach(machine)
+        grip = self._grip_at(machine, Part.ROTOR, 0.0)
+        self._wait(Phase.PLAN_ROTOR)
+        self._reach(stand_off(grip))
+        if self._lid_is_open(machine):
+            self._grip(grip)
+            key = JointKey(machine, Part.ROTOR)
+            duration_s = self._draw(Phase.TURN_ROTOR)
+            self._schedule(self._move(key, (position.value,), duration_s))
+            self._clock.sleep(duration_s)
+            self._let_go(stand_off(grip))
+        self._retreat(machine)
+
+    def take_samples(self, machine: str) -> None:
+        """Take the sample tray out of a machine and lay it on the deck: about a minute.
+
+        Through a closed lid nothing is taken, and `is_carrying` stays False.
+        """
+        self._check_reach(machine)
+        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
+        self._wait(Phase.PLAN_TRAY)
+        self._reach(stand_off(tray))
+        if self._lid_is_open(machine):
+            self._grip(tray)
+            self._schedule(self._move(Quantity.HOLDING, (1.0,), 0.0))
+            self._move_camera(stand_off(tray), Phase.CARRY_TRAY)
+            self._move_camera(DECK_GAZE, Phase.CARRY_TRAY)
+            self._lay_down(DECK_GAZE)
+            self.is_carrying = True
+        self._retreat(machine)
+
+    def bring_samples(self, machine: str) -> None:
+        """Take the sample tray from the deck and put it into a machine: about a minute.
+
+        Through a closed lid it is not put in: it goes back to the deck, and `is_carrying` stays True.
+
+        Raises:
+            RuntimeError: there is no tray on the deck.
+        """
+        if not self.is_carrying:
+            raise RuntimeError("the robot has no sample tray to bring; let it take one first")
+        self._check_reach(machine)
+        self._wait(Phase.PLAN_TRAY)
+        self._reach(stand_off(DECK_GAZE))
+        self._grip(DECK_GAZE)
+        self._schedule(self._move(Quantity.HOLDING, (1.0,), 0.0))
+        tray = self._in_robot(machine, tray_gaze(self._machine(machine).shape))
+        self._move_camera(stand_off(tray), Phase.CARRY_TRAY)
+        goes_in = self._lid_is_open(machine)
+        place = tray if goes_in else DECK_GAZE
+        self._move_camera(place, Phase.CARRY_TRAY)
+        self._lay_down(place)
+        self.is_carrying = not goes_in
+        self._retreat(machine)
+
+    def _move_part(self, machine: str, part: Part, to_rad: float, phases: tuple[Phase, Phase]) -> None:
+        """Grip a part, move it with the hand, let go and retreat: planning takes the first phase, moving the second."""
+        self._check_reach(machine)
+        key = JointKey(machine, part)
+        self._wait(phases[0])
+        self._reach(stand_off(self._grip_at(machine, part, self._angle_rad(key))))
+        from_rad = self._angle_rad(key)  # somebody may have moved it meanwhile
+        grip = self._grip_at(machine, part, from_rad)
+        self._grip(grip)
+        self._wait(Phase.REPLAN)
+        duration_s, slips = self._draw(phases[1]), self._random.random() < SLIP_CHANCE
+        if self._is_free(machine, part):
+            self._schedule(
+                Move(channel=key, path=_angles(from_rad, to_rad, slips=slips), duration_s=duration_s),
+                Move(channel=Quantity.GAZE, path=self._following(key, from_rad, to_rad), duration_s=duration_s),
+            )
+            grip = self._grip_at(machine, part, to_rad)
+        self._clock.sleep(duration_s)
+        self._let_go(stand_off(grip))
+        self._retreat(machine)
+
+    def _is_free(self, machine: str, part: Part) -> bool:
+        """Return whether a part follows the hand: a closed lid only when the latch is past half its way."""
+        angles_rad = self._world.state(self._clock.now_s()).joints_rad
+        lid_is_shut = angles_rad[JointKey(machine, Part.LID)] < 0.05
+        latch_holds = angles_rad[JointKey(machine, Part.LATCH)] < self._end_rad(machine, Part.LATCH) / 2
+        return not (part is Part.LID and lid_is_shut and latch_holds)
+
+    def _lid_is_open(self, machine: str) -> bool:
+        """Return whether a hand gets through."""
+        angle_rad = self._world.state(self._clock.now_s()).joints_rad[JointKey(machine, Part.LID)]
+        return angle_rad > self._end_rad(machine, Part.LID) / 2
+
+    def _following(self, key: JointKey, from_rad: float, to_rad: float) -> Path:
+        """Return the gaze of a hand that leads a part from one angle to another."""
+        machine, robot_from_machine = self._machine(key.machine), self._robot_from_machine(key.machine)
+
+        def path(progress: float) -> Gaze:
+            angle_rad = from_rad + (to_rad - from_rad) * progress
+            return in_frame(grip_gaze(machine, key.part, angle_rad), robot_from_machine)
+
+        return path
+
+    # What actions consist of
+
+    def _reach(self, gaze: Gaze) -> None:
+        """Move the open hand before a part."""
+        duration_s = self._draw(Phase.REACH)
+        self._schedule(
+            self._move(Quantity.GAZE, gaze, duration_s),
+            self._move(Quantity.REACH, (1.0,), duration_s),
+            self._move(Quantity.OPENING, (_OPENED_M,), duration_s),
+        )
+        self._clock.sleep(duration_s)
+
+    def _grip(self, gaze: Gaze) -> None:
+        """Move the hand around a part, then close the fingers."""
+        duration_s = self._draw(Phase.GRIP)
+        self._schedule(
+            self._move(Quantity.GAZE, gaze, duration_s * 0.6),
+            self._move(Quantity.OPENING, (_GRIPPED_M,), duration_s * 0.4, delay_s=duration_s * 0.6),
+        )
+        self._clock.sleep(duration_s)
+
+    def _let_go(self, gaze: Gaze) -> None:
+        """Open the fingers, then draw the hand back."""
+        duration_s = self._draw(Phase.LET_GO)
+        self._schedule(
+            self._move(Quantity.OPENING, (_OPENED_M,), duration_s * 0.4),
+            self._move(Quantity.GAZE, gaze, duration_s * 0.6, delay_s=duration_s * 0.4),
+        )
+        self._clock.sleep(duration_s)
+
+    def _lay_down(self, gaze: Gaze) -> None:
+        self._schedule(self._move(Quantity.HOLDING, (0.0,), 0.0))
+        self._let_go(stand_off(gaze))
+
+    def _retreat(self, machine: str) -> None:
+        """Draw the hand out of sight and wait beside the machine, looking at it."""
+        duration_s = self._draw(Phase.RETREAT)
+        self._schedule(
+            self._move(Quantity.GAZE, self._in_robot(machine, ready_gaze(self._machine(machine).shape)), duration_s),
+            self._move(Quantity.REACH, (0.0,), duration_s),
+        )
+        self._clock.sleep(duration_s)
+
+    def _move_camera(self, gaze: Gaze, phase: Phase) -> None:
+        duration_s = self._draw(phase)
+        self._schedule(self._move(Quantity.GAZE, gaze, duration_s))
+        self._clock.sleep(duration_s)
+
+    def _wait(self, phase: Phase) -> None:
+        self._clock.sleep(self._draw(phase))
+
+    def _draw(self, phase: Phase) -> float:
+        return self.laboratory.duration(phase).draw(self._looking if phase in _LOOKING else self._random)
+
+    def _varied(self, duration_s: float) -> float:
+        return Spread(duration_s, 0.15 * duration_s).draw(self._random)
+
+    def _schedule(self, *moves: Move) -> None:
+        self._world.schedule(self._clock.now_s(), moves)
+
+    def _move(self, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0) -> Move:
+        return self._world.moves_to(self._clock.now_s(), channel, values, duration_s, delay_s=delay_s)
+
+    def _in_robot(self, machine: str, gaze: Gaze) -> Gaze:
+        """Return a gaze given at a machine in the robot's frame. The hand feels its way: no error of belief here."""
+        return in_frame(gaze, self._robot_from_machine(machine))
+
+    def _grip_at(self, machine: str, part: Part, angle_rad: float) -> Gaze:
+        """Return the gaze while the fingers hold a part whose joint is at an angle, in the robot's frame."""
+        return self._in_robot(machine, grip_gaze(self._machine(machine), part, angle_rad))
+
+    def _machine(self, name: str) -> Machine:
+        return self.laboratory.machine(name)
+
+    def _angle_rad(self, key: JointKey) -> float:
+        return self._world.state(self._clock.now_s()).joints_rad[key]
+
+    def _end_rad(self, machine: str, part: Part) -> float:
+        """Return the joint's other end: where a lid is open, a latch unlocked."""
+        return self._machine(machine).joint(part).range_rad[1]
+
+    def _robot_from_machine(self, machine: str) -> Pose:
+        map_from_robot = self._world.state(self._clock.now_s()).map_from_robot()
+        return map_from_robot.inverse() @ self._machine(machine).map_from_base
+
+    def _check_reach(self, machine: str) -> None:
+        distance_m = self._machine(machine).distance_m(self._world.state(self._clock.now_s()).map_from_robot())
+        if distance_m > _REACH_M:
+            raise OutOfReachError(
+                f"the robot stands {distance_m:.2f} m from the {machine}, and its arm reaches {_REACH_M:g} m;"
+                " let it drive there first"
+            )
+
+
+def _before(machine: Machine) -> Pose:
+    """Return where the robot stands to tend a machine: before its front, facing it."""
+    x_axis = machine.map_from_base.rotation[:, 0]
+    x_m, y_m, _ = machine.map_from_base.translation_m + STATION_DISTANCE_M * x_axis
+    return Pose.planar(x_m, y_m, atan2(-x_axis[1], -x_axis[0]))
+
+
+def _angles(from_rad: float, to_rad: float, *, slips: bool) -> Path:
+    """Return a part's way; one that slips stays after a share of it."""
+    whole = straight((from_rad,), (to_rad,))
+    return (lambda progress: whole(min(progress, SLIP_SHARE))) if slips else whole
+
+
+def _nearest(before_rad: float, heading_rad: float) -> float:
+    """Return a heading, give or take full turns, such that the way from another is the shortest."""
+    return before_rad + remainder(heading_rad - before_rad, 2 * pi)

@@ -1,0 +1,1 @@
+"""The simulated laboratory: its state, its frames, and its ground truth."""

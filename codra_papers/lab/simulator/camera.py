@@ -1,0 +1,371 @@
+"""The arm camera: what it would deliver at an instant, drawn by one thread and handed to whoever asks.
+
+A frame is a function of (the world's seed, the camera, the instant). It shows blur where things move within the
+exposure, the room's light, the lens, and noise.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import fields
+from math import ceil, radians, tan
+from operator import attrgetter
+from random import Random
+from threading import Lock
+from typing import Any, ClassVar, Protocol
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.random import default_rng
+from numpy.typing import NDArray
+
+from codra_papers.lab.perception.frame import Frame
+from codra_papers.lab.perception.layout import INTRINSICS
+from codra_papers.lab.perception.poses import Pose, rotation_about
+from codra_papers.lab.perception.processing import Computer
+from codra_papers.lab.simulator import gl
+from codra_papers.lab.simulator.geometric_camera import image_motion_px
+from codra_papers.lab.simulator.laboratory import Laboratory
+from codra_papers.lab.simulator.scene import CAMERA_NAME, Stage
+from codra_papers.lab.simulator.world import LabState, LabWorld
+
+EXPOSURE_S = 0.012
+"""How long the shutter is open; a frame's stamp is its end."""
+
+LENS_BLUR_PX = 0.7
+
+_SHARP_BELOW_PX = 0.2
+"""Motion within an exposure that leaves a frame as sharp as one of a still scene."""
+
+_SUBFRAMES = 6
+"""At most so many instants of an exposure are averaged."""
+
+_TOUCHES_M = 1e-6
+_ROUNDER = 1.001
+_NOT_DRAWN = 2
+"""A group of things that no drawing option shows."""
+
+_FRAMES_KEPT = 32
+_NOISE_BANK_PX = 1024
+_LEFT_OUT = (
+    mujoco.mjtRndFlag.mjRND_SHADOW,
+    mujoco.mjtRndFlag.mjRND_REFLECTION,
+    mujoco.mjtRndFlag.mjRND_SKYBOX,
+)
+"""What MuJoCo draws unless told not to, at three times the cost; shadows also disturb the poses of tags."""
+
+_UNSEEN = frozenset({"t_s", "light", "is_localized", "laboratory"})
+"""What of a state shows nowhere in a picture of the room in ordinary light."""
+
+_SEEN = attrgetter(*(field.name for field in fields(LabState) if field.name not in _UNSEEN))
+
+Pixels = NDArray[np.uint8]
+
+
+class Now(Protocol):
+    """What tells the present: a clock."""
+
+    def now_s(self) -> float:
+        """Return the present instant in seconds."""
+        ...
+
+
+class FramesByInstant(Protocol):
+    """Anything that has a frame for every instant, and a computer to look at them.
+
+    Attributes:
+        computer: what looks at its frames.
+    """
+
+    computer: Computer
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the frame whose exposure ends at an instant."""
+        ...
+
+
+def frames_rendered() -> int:
+    """Return how many frames of the lab this process has drawn."""
+    return _Renderer.frames_of_process
+
+
+class ArmCamera:
+    """The handle that perception functions get as `camera`: it takes its frames now, by a clock."""
+
+    def __init__(self, frames: FramesByInstant, clock: Now) -> None:
+        self._frames = frames
+        self._clock = clock
+
+    def capture(self) -> Frame:
+        """Take a frame now."""
+        return self._frames.frame_at(self._clock.now_s())
+
+    def processing_s(self, mean_s: float) -> float:
+        """Return how long the computer takes from now for work that takes so long in the mean."""
+        return self._frames.computer.processing_s(self._clock.now_s(), mean_s)
+
+
+class FrameSource:
+    """The arm camera of one world. Close it, or use it in a `with` statement.
+
+    Attributes:
+        computer: what looks at its frames.
+        rendered: how many frames this source has drawn.
+    """
+
+    def __init__(self, world: LabWorld) -> None:
+        """Choose how to draw, and start the thread that draws.
+
+        Raises:
+            GraphicsUnavailableError: nothing here draws without a screen.
+        """
+        self.computer = Computer(world.seed)
+        self._world = world
+        self._optics = _Optics(world)
+        self._frames: OrderedDict[float, Future[Frame]] = OrderedDict()
+        self._lock = Lock()
+        self._is_closed = False
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="codra-camera")
+        self._renderer = self._thread.submit(_Renderer, gl.choose_backend(), world.laboratory).result()
+        self.rendered = 0
+
+    def __enter__(self) -> FrameSource:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free what the drawing thread owns and end it; harmless when done before."""
+        with self._lock:
+            if self._is_closed:
+                return
+            self._is_closed = True
+            freed = self._thread.submit(self._renderer.free)
+        freed.result()
+        self._thread.shutdown(wait=True)
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the frame whose exposure ends at an instant; drawn at the first call for it.
+
+        Raises:
+            RuntimeError: the source is closed.
+        """
+        with self._lock:
+            if self._is_closed:
+                raise RuntimeError("the camera is closed")
+            drawing = self._frames.get(instant_s)
+            if drawing is None:
+                drawing = self._thread.submit(self._draw, instant_s)
+                self._frames[instant_s] = drawing
+                if len(self._frames) > _FRAMES_KEPT:
+                    self._frames.popitem(last=False)
+        return drawing.result()
+
+    def _draw(self, instant_s: float) -> Frame:
+        states = exposure(self._world, instant_s)
+        exposed = self._renderer.expose(states)
+        self.rendered += 1
+        _Renderer.count_frame()
+        return self._optics.frame(exposed, states[-1])
+
+
+class GreyFrameSource:
+    """A camera whose lens is covered by grey foil: frames at the same instants and places, but nothing on them.
+
+    Attributes:
+        computer: what looks at its frames.
+    """
+
+    def __init__(self, world: LabWorld) -> None:
+        self.computer = Computer(world.seed)
+        self._world = world
+        self._optics = _Optics(world)
+        self._exposed = np.full((INTRINSICS.height, INTRINSICS.width, 3), 128, dtype=np.uint8)
+
+    def frame_at(self, instant_s: float) -> Frame:
+        """Return the grey frame of an instant."""
+        return self._optics.frame(self._exposed, self._world.state(instant_s))
+
+
+def exposure(world: LabWorld, instant_s: float) -> list[LabState]:
+    """Return the states that a frame averages: one if nothing moves in the image, else about one a pixel of motion."""
+    end = world.state(instant_s)
+    if not world.moves_within(instant_s - EXPOSURE_S, instant_s):
+        return [end]
+    motion_px = image_motion_px(world.state(instant_s - EXPOSURE_S), end)
+    if motion_px < _SHARP_BELOW_PX:
+        return [end]
+    steps = min(_SUBFRAMES, ceil(motion_px) + 1)
+    return [world.state(instant_s - EXPOSURE_S * step / (steps - 1)) for step in reversed(range(steps))]
+
+
+class _Renderer:
+    """MuJoCo's drawing, in an OpenGL context that belongs to the thread that made it."""
+
+    frames_of_process: ClassVar[int] = 0
+    _counting: ClassVar[Lock] = Lock()
+
+    @classmethod
+    def count_frame(cls) -> None:
+        """Count one more frame of this process, whichever source drew it."""
+        with cls._counting:
+            cls.frames_of_process += 1
+
+    def __init__(self, backend: str, laboratory: Laboratory) -> None:
+        self._stage = Stage(laboratory)
+        self._context = gl.make_context(backend, INTRINSICS.width, INTRINSICS.height)
+        self._context.make_current()
+        self._mujoco_context = mujoco.MjrContext(self._stage.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._mujoco_context)
+        self._scene = mujoco.MjvScene(self._stage.model, maxgeom=500)
+        for flag in _LEFT_OUT:
+            self._scene.flags[flag] = 0
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = self._stage.model.camera(CAMERA_NAME).id
+        self._rectangle = mujoco.MjrRect(0, 0, INTRINSICS.width, INTRINSICS.height)
+        self._in_the_room, self._the_room = _drawing_order(self._stage)
+        self._view = _View(self._stage, self._camera.fixedcamid)
+        self._perturbation = mujoco.MjvPerturb()
+        self._upside_down = np.empty((INTRINSICS.height, INTRINSICS.width, 3), dtype=np.uint8)
+        self._shown: tuple[Any, ...] = ()
+        self._still: Pixels = self._upside_down
+
+    def expose(self, states: Sequence[LabState]) -> Pixels:
+        """Return the average of the room in some states, in ordinary light through a perfect lens.
+
+        While nothing moves the picture drawn last is given out again.
+        """
+        if len(states) > 1:
+            return _average([self._draw(state) for state in states])
+        shown = _shown(states[0])
+        if shown != self._shown:
+            self._still, self._shown = self._draw(states[0]), shown
+        return self._still
+
+    def _draw(self, state: LabState) -> Pixels:
+        self._stage.place(state)
+        self._view.leave_out()
+        model, data, everything = self._stage.model, self._stage.data, mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(
+            model, data, self._in_the_room, self._perturbation, self._camera, everything, self._scene
+        )
+        mujoco.mjv_addGeoms(model, data, self._the_room, self._perturbation, everything, self._scene)
+        mujoco.mjr_render(self._rectangle, self._scene, self._mujoco_context)
+        mujoco.mjr_readPixels(self._upside_down, None, self._rectangle, self._mujoco_context)
+        return np.asarray(cv2.flip(self._upside_down, 0), dtype=np.uint8)
+
+    def free(self) -> None:
+        """Give everything back, in the thread that made it."""
+        self._mujoco_context.free()
+        self._context.free()
+
+
+class _View:
+    """What the camera may see: what stands beside the picture need not be drawn."""
+
+    def __init__(self, stage: Stage, camera: int) -> None:
+        model, data = stage.model, stage.data
+        high = tan(radians(float(model.cam_fovy[camera])) / 2)
+        wide = high * INTRINSICS.width / INTRINSICS.height
+        sides = np.array([[1.0, 0.0, wide], [-1.0, 0.0, wide], [0.0, 1.0, high], [0.0, -1.0, high], [0.0, 0.0, 1.0]])
+        self._sides = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+        self._groups_now, self._groups = model.geom_group, model.geom_group.copy()
+        self._reach_m = np.where(model.geom_rbound > 0.0, model.geom_rbound * _ROUNDER + _TOUCHES_M, np.inf)
+        self._middles_m, self._eye_m = data.geom_xpos, data.cam_xpos[camera]
+        self._map_from_eye = data.cam_xmat[camera].reshape(3, 3)
+
+    def leave_out(self) -> None:
+        """Put what lies wholly beyond a side of the picture into a group that is not drawn, all else into its own."""
+        map_from_eye = self._map_from_eye
+        away_m = (self._middles_m - self._eye_m) @ (map_from_eye @ self._sides.T)  # the camera looks along its -z
+        self._groups_now[:] = np.where((away_m > self._reach_m[:, None]).any(axis=1), _NOT_DRAWN, self._groups)
+
+
+class _Optics:
+    """What lies between the room and a frame: light, lens, sensor, and where the robot believes its camera to be."""
+
+    def __init__(self, world: LabWorld) -> None:
+        self._world = world
+        bank = default_rng(7).normal(0.0, world.laboratory.noise_greys, (_NOISE_BANK_PX, _NOISE_BANK_PX, 3))
+        noise = np.round(bank)
+        self._brighter, self._darker = (np.clip(side, 0, 255).astype(np.uint8) for side in (noise, -noise))
+        self._mounting = _mounting_error(world.seed)
+        self._exposed: Pixels | None = None
+        self._light = 0.0
+        self._blurred: Pixels = self._brighter
+
+    def frame(self, exposed: Pixels, state: LabState) -> Frame:
+        """Return the frame that the sensor makes of an exposure in ordinary light.
+
+        Args:
+            exposed: shape (height, width, 3); nobody changes it afterwards.
+            state: at the exposure's end.
+        """
+        here = self._noise_at(state.t_s)
+        brighter = cv2.add(self._behind_the_lens(exposed, max(state.light, 0.0)), self._brighter[here])
+        pixels = np.asarray(cv2.subtract(brighter, self._darker[here], dst=brighter), dtype=np.uint8)
+        pixels.setflags(write=False)
+        believed = self._world.believed_map_from_robot(state.t_s) @ state.robot_from_camera() @ self._mounting
+        return Frame(pixels=pixels, intrinsics=INTRINSICS, believed_map_from_camera=believed, stamp_s=state.t_s)
+
+    def _behind_the_lens(self, exposed: Pixels, light: float) -> Pixels:
+        """Return what falls on the sensor; while nothing changes, what fell on it last."""
+        if exposed is not self._exposed or light != self._light:
+            lit = exposed if light == 1.0 else cv2.convertScaleAbs(exposed, alpha=light)
+            self._blurred = np.asarray(cv2.GaussianBlur(lit, (0, 0), LENS_BLUR_PX), dtype=np.uint8)
+            self._exposed, self._light = exposed, light
+        return self._blurred
+
+    def _noise_at(self, instant_s: float) -> tuple[slice, slice]:
+        """Return a place in the noise bank, chosen by (seed, camera, instant)."""
+        random = Random(f"{self._world.seed} {CAMERA_NAME} {instant_s!r}")
+        top = random.randrange(_NOISE_BANK_PX - INTRINSICS.height)
+        left = random.randrange(_NOISE_BANK_PX - INTRINSICS.width)
+        return slice(top, top + INTRINSICS.height), slice(left, left + INTRINSICS.width)
+
+
+def _shown(state: LabState) -> tuple[Any, ...]:
+    """Return all of a state that a picture of the room shows."""
+    shown: tuple[Any, ...] = _SEEN(state)
+    return shown
+
+
+def _drawing_order(stage: Stage) -> tuple[mujoco.MjvOption, mujoco.MjvOption]:
+    """Return options that show what is in the room, and the room itself, which is to be drawn last.
+
+    OpenGL spends no time on what lies behind something drawn before, and floor and walls lie behind everything. What
+    stands on the floor goes with it, so that things which touch are drawn in the model's order.
+    """
+    mujoco.mj_kinematics(stage.model, stage.data)
+    is_fixed = (stage.model.body_weldid == 0) & (stage.model.body_mocapid < 0)
+    reach_down_m = (np.abs(stage.data.geom_xmat[:, 6:9]) * stage.model.geom_size).sum(axis=1)
+    is_room = is_fixed[stage.model.geom_bodyid] & (stage.data.geom_xpos[:, 2] - reach_down_m <= _TOUCHES_M)
+    stage.model.geom_group[:] = is_room
+    options = mujoco.MjvOption(), mujoco.MjvOption()
+    for group, option in enumerate(options):
+        option.geomgroup[:] = [index == group for index in range(mujoco.mjNGROUP)]
+    return options
+
+
+def _average(pictures: list[Pixels]) -> Pixels:
+    if len(pictures) == 1:
+        return pictures[0]
+    if len(pictures) == 2:
+        return np.asarray(cv2.addWeighted(pictures[0], 0.5, pictures[1], 0.5, 0.0), dtype=np.uint8)
+    total = np.zeros(pictures[0].shape, dtype=np.float32)
+    for picture in pictures:
+        cv2.accumulate(picture, total)
+    return np.asarray(cv2.convertScaleAbs(total, alpha=1 / len(pictures)), dtype=np.uint8)
+
+
+def _mounting_error(seed: int) -> Pose:
+    """Return by how much the calibration of the camera on the arm is off: a few millimetres and milliradians."""
+    random = Random(f"{seed} mounting")
+    axis = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 1.0))
+    offset_m = np.array([random.gauss(0.0, 0.002) for _ in range(3)])
+    return Pose(rotation_about(axis, random.gauss(0.0, 0.003)), offset_m)

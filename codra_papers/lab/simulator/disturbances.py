@@ -1,0 +1,94 @@
+"""What happens in the laboratory besides what the robot does: people, and the light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from codra_papers.lab.perception.layout import Part
+from codra_papers.lab.simulator.laboratory import LidMoved, LightDown, PersonBefore
+from codra_papers.lab.simulator.world import OUTSIDE, JointKey, LabWorld, Move, Quantity, straight
+
+LID_S = 3.0
+"""How long somebody takes to open or close a lid: shorter than the robot's hand needs to reach it."""
+
+STEP_S = 2.0
+"""How long somebody takes to step before the camera, and away again."""
+
+FADE_S = 1.0
+"""How long the light takes to go down, and up again."""
+
+AHEAD_M = 0.45
+"""How far before the camera somebody stands."""
+
+ASIDE_M = 2.0
+"""From how far to the left somebody comes."""
+
+_AGAIN_S = 1.0
+
+
+class Clock(Protocol):
+    """The time in which it happens."""
+
+    def now_s(self) -> float:
+        """Return the present instant in seconds."""
+        ...
+
+    def call_at(self, instant_s: float, callback: Callable[[], None]) -> object:
+        """Schedule an event."""
+        ...
+
+
+def disturb(world: LabWorld, clock: Clock) -> None:
+    """Let happen what the world's laboratory says, at its instants."""
+    for each in world.laboratory.disturbances:
+        match each:
+            case LidMoved():
+                begin = partial(_move_lid, world, clock, each)
+            case PersonBefore():
+                begin = partial(_step_in, world, clock, each)
+            case LightDown():
+                begin = partial(_dim, world, clock, each)
+        clock.call_at(each.at_s, begin)
+
+
+def _move_lid(world: LabWorld, clock: Clock, moved: LidMoved) -> None:
+    """Move a lid, or wait until nobody's hand is at it."""
+    now_s, key = clock.now_s(), JointKey(moved.machine, Part.LID)
+    hand_is_back = world.values(Quantity.REACH, now_s) == (0.0,) and world.rests(Quantity.REACH, now_s)
+    if not (hand_is_back and world.rests(key, now_s)):
+        clock.call_at(now_s + _AGAIN_S, partial(_move_lid, world, clock, moved))
+        return
+    low_rad, high_rad = world.laboratory.machine(moved.machine).joint(Part.LID).range_rad
+    angle_rad = low_rad + moved.open_share * (high_rad - low_rad)
+    world.schedule(now_s, [world.moves_to(now_s, key, (angle_rad,), LID_S)])
+
+
+def _step_in(world: LabWorld, clock: Clock, person: PersonBefore) -> None:
+    """Let somebody come from the left of what the camera sees now, stand before it, and go back."""
+    now_s = clock.now_s()
+    map_from_camera = world.state(now_s).map_from_camera()
+    ahead = map_from_camera.rotation[:2, 2] / np.linalg.norm(map_from_camera.rotation[:2, 2])
+    left = np.array([-ahead[1], ahead[0]])
+    spot_m = map_from_camera.translation_m[:2] + AHEAD_M * ahead
+    there, away = ((float(x_m), float(y_m)) for x_m, y_m in (spot_m, spot_m + ASIDE_M * left))
+    coming, going = straight(away, there), straight(there, away)
+    moves = (
+        Move(channel=Quantity.PERSON, path=straight(OUTSIDE, away), duration_s=0.0),
+        Move(channel=Quantity.PERSON, path=coming, duration_s=STEP_S),
+        Move(channel=Quantity.PERSON, path=going, duration_s=STEP_S, delay_s=person.lasts_s),
+        Move(channel=Quantity.PERSON, path=straight(away, OUTSIDE), duration_s=0.0, delay_s=person.lasts_s + STEP_S),
+    )
+    world.schedule(now_s, moves)
+
+
+def _dim(world: LabWorld, clock: Clock, dimmed: LightDown) -> None:
+    before, after = (world.laboratory.light,), (dimmed.light,)
+    moves = (
+        Move(channel=Quantity.LIGHT, path=straight(before, after), duration_s=FADE_S),
+        Move(channel=Quantity.LIGHT, path=straight(after, before), duration_s=FADE_S, delay_s=dimmed.lasts_s),
+    )
+    world.schedule(clock.now_s(), moves)

@@ -1,0 +1,463 @@
+"""The laboratory as a MuJoCo model: what layout.py lists, plus the bodies that carry it, a room, and the robot.
+
+Nothing is simulated: a `Stage` is put into a state, and is then drawn or asked what a ray hits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import atan, degrees, sqrt
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.random import default_rng
+from numpy.typing import NDArray
+
+from codra_papers.lab.perception.layout import INTRINSICS, TILE_PER_TAG, Joint, Machine, Part, Shape, Tag
+from codra_papers.lab.perception.poses import Array, Pose, columns, cross, length
+from codra_papers.lab.perception.tags import tag_image
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, PersonBefore
+from codra_papers.lab.simulator.world import LabState
+
+ROOM_M = (6.6, 6.0)
+"""The room from x = 0 and y = 0."""
+
+CAMERA_NAME = "arm_camera"
+
+PCR_CYCLER_HANDLE_M = (0.485, 0.210, -0.011)
+"""Where a hand takes the PCR-cycler's lid, in the lid's frame: a bar to the right of the machine, clear of its tags."""
+
+PCR_CYCLER_KNOB_M = (0.0, -0.025, 0.095)
+"""Where a hand takes the PCR-cycler's lever, in the lever's frame: the end of a stalk that stands out of it."""
+
+_TEXELS_PER_CELL = 20
+_TILE_THICKNESS_M = 0.004
+_SHOULDER_M = (0.05, 0.0, 0.85)
+_LINK_M = 0.65
+ARM_LENGTH_M = 2 * _LINK_M
+"""How far the robot's wrist gets from its shoulder."""
+
+_WHITE = "0.86 0.87 0.88 1"
+_GREY = "0.55 0.57 0.60 1"
+_DARK = "0.22 0.23 0.25 1"
+_ROBOT = "0.80 0.55 0.20 1"
+
+
+class Stage:
+    """The laboratory at one instant, for drawing and for rays. It belongs to one thread at a time."""
+
+    def __init__(self, laboratory: Laboratory = LABORATORY) -> None:
+        self.model = mujoco.MjModel.from_xml_string(mjcf(laboratory), textures(laboratory))
+        self.data = mujoco.MjData(self.model)
+        self._joint_addresses = {
+            (machine.name, joint.part): int(self.model.joint(_body_name(machine, joint.part)).qposadr[0])
+            for machine in laboratory.machines
+            for joint in machine.joints
+        }
+        movable = _MOCAP_BODIES + ((_PERSON,) if _has_visitors(laboratory) else ())
+        self._mocap_ids = {name: int(self.model.body(name).mocapid[0]) for name in movable}
+        self._angles_rad = self.data.qpos
+        self._places_m, self._quaternions = self.data.mocap_pos, self.data.mocap_quat
+
+    def place(self, state: LabState) -> None:
+        """Put everything where a state says it is."""
+        for key, angle_rad in state.joints_rad.items():
+            self._angles_rad[self._joint_addresses[key.machine, key.part]] = angle_rad
+        for name, pose in _robot_poses(state).items():
+            self._put(name, pose)
+        if _PERSON in self._mocap_ids:
+            self._put(_PERSON, _shifted(*state.person_m, 0.0))
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+    def first_hit(self, origin_m: Array, points_m: Array) -> Array:
+        """Return how far rays from one origin get, as shares of the way to each point.
+
+        Args:
+            origin_m: shape (3,), in the map.
+            points_m: shape (n, 3), in the map.
+
+        Returns:
+            Shape (n,): 1 where the first thing that a ray hits lies in the point, below 1 where something is before
+            it, -1 where it hits nothing.
+        """
+        count = len(points_m)
+        rays = np.ascontiguousarray(points_m - origin_m)
+        shares = np.empty(count)
+        geoms = np.empty(count, dtype=np.int32)
+        mujoco.mj_multiRay(
+            self.model, self.data, origin_m, rays.ravel(), None, True, -1, geoms, shares, None, count, 1e6
+        )
+        return shares
+
+    def _put(self, name: str, pose: Pose) -> None:
+        index = self._mocap_ids[name]
+        self._places_m[index] = pose.translation_m
+        mujoco.mju_mat2Quat(self._quaternions[index], pose.rotation.ravel())
+
+
+def textures(laboratory: Laboratory = LABORATORY) -> dict[str, bytes]:
+    """Return the scene's pictures as PNG files by name: one for each tag, the floor and the walls."""
+    tags = {
+        f"tag_{tag.tag_id}.png": np.kron(
+            tag_image(tag.tag_id), np.ones((_TEXELS_PER_CELL, _TEXELS_PER_CELL), dtype=np.uint8)
+        )
+        for machine in laboratory.machines
+        for tag in machine.tags
+    }
+    pictures = tags | {"floor.png": _floor_picture(), "wall.png": _wall_picture()}
+    return {name: cv2.imencode(".png", picture)[1].tobytes() for name, picture in pictures.items()}
+
+
+def _floor_picture() -> NDArray[np.uint8]:
+    """Return speckled tiles of 0.6 m with dark joints, so that even a view of the floor has edges."""
+    random = default_rng(1)
+    speckles = cv2.GaussianBlur(random.normal(150.0, 60.0, (512, 512)), (0, 0), 1.6)
+    tile: NDArray[np.uint8] = np.clip(150.0 + 2.2 * (speckles - 150.0), 90.0, 205.0).astype(np.uint8)
+    tile[:6, :] = 70
+    tile[:, :6] = 70
+    return tile
+
+
+def _wall_picture() -> NDArray[np.uint8]:
+    """Return a wall with cupboards, notices and sockets: rectangles of many greys, none of them a tag."""
+    random = default_rng(2)
+    wall = np.full((512, 1024), 190, dtype=np.uint8)
+    for _ in range(70):
+        x, y = int(random.integers(0, 980)), int(random.integers(0, 470))
+        width, height = int(random.integers(14, 110)), int(random.integers(14, 80))
+        grey = int(random.integers(110, 240))
+        cv2.rectangle(wall, (x, y), (x + width, y + height), grey, cv2.FILLED)
+        cv2.rectangle(wall, (x, y), (x + width, y + height), max(grey - 70, 30), 2)
+        for line in range(y + 8, y + height - 6, 7):
+            cv2.line(wall, (x + 6, line), (x + 6 + int(random.integers(4, max(width - 8, 5))), line), grey - 60, 1)
+    return wall
+
+
+def mjcf(laboratory: Laboratory = LABORATORY) -> str:
+    """Return the whole scene as MJCF, with machines and robot at their zero."""
+    half_height_rad = atan(INTRINSICS.height / 2 / INTRINSICS.focal_px)
+    tags = [tag for machine in laboratory.machines for tag in machine.tags]
+    visitor = _visitor() if _has_visitors(laboratory) else ""
+    return f"""
+<mujoco model="laboratory">
+  <compiler angle="radian"/>
+  <option gravity="0 0 0"><flag contact="disable"/></option>
+  <statistic extent="1" center="3 3 1"/>
+  <visual>
+    <global offwidth="{INTRINSICS.width}" offheight="{INTRINSICS.height}"/>
+    <quality offsamples="0" shadowsize="0"/>
+    <map znear="0.02" zfar="12"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.15 0.15 0.15" specular="0 0 0"/>
+  </visual>
+  <asset>
+    {"".join(_tag_material(tag) for tag in tags)}
+    <texture name="floor" type="2d" file="floor.png"/>
+    <material name="floor" texture="floor" texrepeat="11 10" specular="0"/>
+    <texture name="wall" type="2d" file="wall.png"/>
+    <material name="wall" texture="wall" specular="0"/>
+  </asset>
+  <worldbody>
+    <light directional="true" pos="3 3 4" dir="0.3 0.2 -1" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
+    <light directional="true" pos="3 3 4" dir="-0.2 0.7 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
+    <light directional="true" pos="3 3 4" dir="0.7 -0.3 -0.5" diffuse="0.22 0.22 0.22" specular="0 0 0"/>
+    {_room()}
+    {"".join(_machine(machine) for machine in laboratory.machines)}
+    {"".join(_robot())}{visitor}
+    <body name="camera" mocap="true"><camera name="{CAMERA_NAME}" xyaxes="1 0 0 0 -1 0"
+      fovy="{2 * degrees(half_height_rad):.9f}"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+def _tag_material(tag: Tag) -> str:
+    name = f"tag_{tag.tag_id}"
+    return (
+        f'<texture name="{name}" type="2d" file="{name}.png"/>'
+        f'<material name="{name}" texture="{name}" specular="0" shininess="0"/>'
+    )
+
+
+def _room() -> str:
+    x_m, y_m = ROOM_M[0] / 2, ROOM_M[1] / 2
+    return "".join(
+        (
+            f'<geom type="plane" pos="{x_m} {y_m} 0" size="{x_m} {y_m} 0.1" material="floor"/>',
+            _wall((x_m, 0.0), (1.0, 0.0), x_m),
+            _wall((x_m, 2 * y_m), (-1.0, 0.0), x_m),
+            _wall((0.0, y_m), (0.0, -1.0), y_m),
+            _wall((2 * x_m, y_m), (0.0, 1.0), y_m),
+        )
+    )
+
+
+def _wall(centre_m: tuple[float, float], along: tuple[float, float], half_m: float) -> str:
+    return (
+        f'<geom type="box" pos="{centre_m[0]} {centre_m[1]} 1.4" size="{half_m} 1.4 0.02" material="wall"'
+        f' xyaxes="{along[0]} {along[1]} 0 0 0 1"/>'
+    )
+
+
+def _box(low_m: tuple[float, float, float], high_m: tuple[float, float, float], colour: str) -> str:
+    """Return a box between two opposite corners."""
+    centre = [(low + high) / 2 for low, high in zip(low_m, high_m, strict=True)]
+    half = [(high - low) / 2 for low, high in zip(low_m, high_m, strict=True)]
+    return f'<geom type="box" pos="{_numbers(centre)}" size="{_numbers(half)}" rgba="{colour}"/>'
+
+
+def _machine(machine: Machine) -> str:
+    """Return a machine on its table, its moving parts as hinged bodies, a tile for each tag."""
+    joints = "".join(_moving_part(machine, joint) for joint in machine.joints)
+    tiles = "".join(_tile(tag) for tag in machine.tags_on(Part.BASE))
+    place = _placed(machine.map_from_base)
+    return f'<body name="{machine.name}" {place}>{_housing(machine)}{tiles}{joints}</body>'
+
+
+def _moving_part(machine: Machine, joint: Joint) -> str:
+    name = _body_name(machine, joint.part)
+    tiles = "".join(_tile(tag) for tag in machine.tags_on(joint.part))
+    hinge = f'<joint name="{name}" type="hinge" axis="{_numbers(joint.axis)}"/>'
+    inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    shape = _moving_shape(machine, joint.part)
+    return f'<body name="{name}" {_placed(joint.base_from_part)}>{inertia}{hinge}{shape}{tiles}</body>'
+
+
+def _body_name(machine: Machine, part: Part) -> str:
+    return f"{machine.name}_{part}"
+
+
+def _tile(tag: Tag) -> str:
+    """Return a thin tile whose upper face lies in the tag's plane."""
+    half_m = tag.size_m * TILE_PER_TAG / 2
+    under = tag.part_from_tag @ Pose(np.eye(3), np.array([0.0, 0.0, -_TILE_THICKNESS_M / 2]))
+    size = _numbers((half_m, half_m, _TILE_THICKNESS_M / 2))
+    return f'<geom type="box" {_placed(under)} size="{size}" material="tag_{tag.tag_id}"/>'
+
+
+def _board(tag: Tag, centre_m: tuple[float, float], half_m: tuple[float, float]) -> str:
+    """Return a board under a tag's tile.
+
+    Args:
+        tag: it gives the plane.
+        centre_m: of the board in the tag's frame: right, up.
+        half_m: half its width and height.
+    """
+    behind = tag.part_from_tag @ Pose(np.eye(3), np.array([*centre_m, -_TILE_THICKNESS_M - 0.008]))
+    return f'<geom type="box" {_placed(behind)} size="{_numbers((*half_m, 0.008))}" rgba="{_WHITE}"/>'
+
+
+def _housing(machine: Machine) -> str:
+    """Return what does not move: the table, the housing and its front panel."""
+    match machine.shape:
+        case Shape.CENTRIFUGE:
+            return _centrifuge_housing(machine)
+        case Shape.PCR_CYCLER:
+            return _pcr_cycler_housing(machine)
+        case Shape.SHAKER:
+            return _shaker_housing(machine)
+
+
+def _centrifuge_housing(machine: Machine) -> str:
+    front_left, _, mast = machine.tags_on(Part.BASE)
+    return "".join(
+        (
+            _box((-0.40, -0.55, -0.04), (0.45, 0.55, 0.0), _GREY),
+            _box((-0.34, -0.48, -0.50), (0.36, 0.48, -0.04), _DARK),
+            _box((-0.30, -0.38, 0.0), (0.30, 0.38, 0.235), _WHITE),
+            _box((-0.30, -0.38, 0.235), (0.30, -0.20, 0.32), _WHITE),
+            _box((-0.30, 0.20, 0.235), (0.30, 0.38, 0.32), _WHITE),
+            _box((0.20, -0.20, 0.235), (0.30, 0.20, 0.32), _WHITE),
+            _box((-0.30, -0.20, 0.235), (-0.20, 0.20, 0.32), _WHITE),
+            _board(front_left, (0.29, -0.045), (0.38, 0.12)),
+            _box((-0.29, -0.335, 0.32), (-0.27, -0.295, 0.52), _DARK),
+            _board(mast, (0.0, 0.0), (0.064, 0.064)),
+        )
+    )
+
+
+def _pcr_cycler_housing(machine: Machine) -> str:
+    front_left = machine.tags_on(Part.BASE)[0]
+    return "".join(
+        (
+            _box((-0.30, -0.60, -0.04), (0.35, 0.60, 0.0), _GREY),
+            _box((-0.25, -0.55, -0.72), (0.28, -0.50, -0.04), _DARK),
+            _box((-0.25, 0.50, -0.72), (0.28, 0.55, -0.04), _DARK),
+            _box((-0.18, -0.17, 0.0), (0.15, 0.17, 0.20), _WHITE),
+            _board(front_left, (0.125, -0.042), (0.17, 0.098)),
+        )
+    )
+
+
+def _shaker_housing(machine: Machine) -> str:
+    front_left = machine.tags_on(Part.BASE)[0]
+    return "".join(
+        (
+            _box((-0.30, -0.42, -0.04), (0.36, 0.42, 0.0), _GREY),
+            _box((-0.25, -0.37, -0.64), (0.28, -0.32, -0.04), _DARK),
+            _box((-0.25, 0.32, -0.64), (0.28, 0.37, -0.04), _DARK),
+            _box((-0.22, -0.24, 0.0), (0.20, 0.24, 0.25), _WHITE),
+            _board(front_left, (0.18, -0.05), (0.24, 0.11)),
+        )
+    )
+
+
+def _moving_shape(machine: Machine, part: Part) -> str:
+    """Return the body of a moving part in its own frame."""
+    tag = machine.tags_on(part)[0]
+    if part is Part.ROTOR:
+        return f'<geom type="cylinder" pos="0 0 -0.024" size="0.17 0.02" rgba="{_GREY}"/>'
+    if part is Part.LATCH:
+        lever = _box((-0.012, -0.02, -0.012), (0.012, tag.part_from_tag.translation_m[1], -0.005), _DARK)
+        return lever + _knob() if machine.shape is Shape.PCR_CYCLER else lever
+    if machine.shape is Shape.SHAKER:
+        return _shaker_lid(tag)
+    if machine.shape is Shape.CENTRIFUGE:
+        handle = _box((0.49, -0.07, 0.055), (0.53, 0.07, 0.075), _DARK)
+        return (
+            _box((0.0, -0.225, 0.0), (0.455, 0.225, 0.125), _WHITE) + _board(tag, (0.15, 0.0), (0.225, 0.065)) + handle
+        )
+    lid = _box((0.0, -0.145, 0.0), (0.32, 0.145, 0.10), _WHITE) + _board(tag, (0.095, 0.0), (0.145, 0.05))
+    return lid + _handle_beside_the_lid()
+
+
+def _shaker_lid(tag: Tag) -> str:
+    handle = _box((0.41, -0.05, 0.045), (0.45, 0.05, 0.065), _DARK)
+    return _box((0.0, -0.19, 0.0), (0.37, 0.19, 0.11), _WHITE) + _board(tag, (0.115, 0.0), (0.19, 0.056)) + handle
+
+
+def _handle_beside_the_lid() -> str:
+    """Return a bar that leads forward along the lid's right side, with a cross-bar at its end for the hand."""
+    x_m, y_m, z_m = PCR_CYCLER_HANDLE_M
+    low_m, high_m = z_m - 0.006, z_m + 0.006
+    return "".join(
+        (
+            _box((0.06, 0.145, low_m), (0.08, 0.172, high_m), _DARK),
+            _box((0.06, 0.172, low_m), (x_m + 0.006, 0.184, high_m), _DARK),
+            _box((x_m - 0.006, 0.184, low_m), (x_m + 0.006, y_m + 0.03, high_m), _DARK),
+        )
+    )
+
+
+def _knob() -> str:
+    """Return a stalk that stands out of the lever, for the hand."""
+    x_m, y_m, z_m = PCR_CYCLER_KNOB_M
+    return _box((x_m - 0.006, y_m - 0.006, -0.012), (x_m + 0.006, y_m + 0.006, z_m), _DARK)
+
+
+# Somebody who is not of the laboratory
+
+_PERSON = "person"
+
+
+def _has_visitors(laboratory: Laboratory) -> bool:
+    return any(isinstance(each, PersonBefore) for each in laboratory.disturbances)
+
+
+def _visitor() -> str:
+    """Return somebody in a dark coat, 1.75 m tall, who stands on the floor."""
+    coat = '<geom type="capsule" fromto="0 0 0.35 0 0 1.28" size="0.21" rgba="0.20 0.24 0.34 1"/>'
+    head = '<geom type="sphere" pos="0 0 1.63" size="0.12" rgba="0.78 0.62 0.52 1"/>'
+    return f'<body name="{_PERSON}" mocap="true">{coat}{head}</body>'
+
+
+# The robot. Its bodies are "mocap" bodies: each is put where the state says. In the hand's frame x is right, y down and
+# z forward, as in the camera's.
+
+FINGER_TIP_M = (0.0, 0.06, 0.24)
+"""Where the fingers grip, in the camera's frame, when the hand is put out."""
+
+_DRAWN_BACK_M = 0.30
+"""How far the hand is drawn back when it is not put out: out of the camera's sight."""
+
+
+def _robot() -> Iterator[str]:
+    chassis = _box((-0.35, -0.25, 0.06), (0.25, 0.25, 0.30), _DARK) + _box(
+        (-0.06, -0.1, 0.30), (0.16, 0.1, 0.85), _WHITE
+    )
+    link = f'<geom type="capsule" fromto="0 0 0 0 0 {_LINK_M}" size="0.05" rgba="{_ROBOT}"/>'
+    finger = _box((-0.012, 0.048, 0.11), (0.012, 0.072, 0.24), _DARK)
+    bodies = {
+        "robot_base": chassis,
+        "upper_arm": link,
+        "forearm": link,
+        "palm": _box((-0.06, 0.045, -0.10), (0.06, 0.11, 0.11), _ROBOT),
+        "left_finger": finger,
+        "right_finger": finger,
+        "tray": _box((-0.07, 0.05, 0.20), (0.07, 0.08, 0.30), _GREY),
+    }
+    for name, shape in bodies.items():
+        yield f'<body name="{name}" mocap="true">{shape}</body>'
+
+
+_MOCAP_BODIES = ("robot_base", "upper_arm", "forearm", "palm", "left_finger", "right_finger", "tray", "camera")
+
+
+def _robot_poses(state: LabState) -> dict[str, Pose]:
+    """Return where every body of the robot is in the map."""
+    map_from_robot = state.map_from_robot()
+    robot_from_camera = state.robot_from_camera()
+    map_from_camera = map_from_robot @ robot_from_camera
+    hand = map_from_camera @ _shifted(0.0, 0.0, (state.reach - 1.0) * _DRAWN_BACK_M)
+    wrist_m = _wrist_m(state)
+    elbow_m = _elbow_m(wrist_m)
+    return {
+        "robot_base": map_from_robot,
+        "upper_arm": map_from_robot @ _along(np.array(_SHOULDER_M), elbow_m),
+        "forearm": map_from_robot @ _along(elbow_m, wrist_m),
+        "palm": hand,
+        "left_finger": hand @ _shifted(-state.opening_m / 2 - 0.012, 0.0, 0.0),
+        "right_finger": hand @ _shifted(state.opening_m / 2 + 0.012, 0.0, 0.0),
+        "tray": hand if state.is_holding else _BELOW_THE_FLOOR,
+        "camera": map_from_camera,
+    }
+
+
+_UNTURNED = np.eye(3)
+_BELOW_THE_FLOOR = Pose(_UNTURNED, np.array([0.0, 0.0, -5.0]))
+
+
+def _shifted(x_m: float, y_m: float, z_m: float) -> Pose:
+    return Pose(_UNTURNED, np.array([x_m, y_m, z_m]))
+
+
+def shoulder_to_wrist_m(state: LabState) -> float:
+    """Return how far the arm is stretched: more than `ARM_LENGTH_M` is out of reach."""
+    return float(np.linalg.norm(_wrist_m(state) - np.array(_SHOULDER_M)))
+
+
+def _wrist_m(state: LabState) -> Array:
+    """Return where the wrist is in the robot's base frame: behind and below the camera."""
+    return state.robot_from_camera().apply(np.array([0.0, 0.08, -0.15]))
+
+
+def _elbow_m(wrist_m: Array) -> Array:
+    """Return the elbow that joins shoulder and wrist by two equal links, bent up and back, or straight if too far."""
+    shoulder_m = np.array(_SHOULDER_M)
+    way = wrist_m - shoulder_m
+    ahead = np.array([way[0], way[1], 0.0]) if way[0] >= 0 else -np.array([way[0], way[1], 0.0])
+    ahead /= max(length(ahead), 1e-9)
+    up_and_back = -way[2] * ahead + float(way @ ahead) * np.array([0.0, 0.0, 1.0])
+    length_m = max(length(way), 1e-9)
+    bend_m = sqrt(max(_LINK_M**2 - length_m**2 / 4, 0.0))
+    elbow: Array = shoulder_m + way / 2 + up_and_back / length_m * bend_m
+    return elbow
+
+
+def _along(start_m: Array, end_m: Array) -> Pose:
+    """Return a pose at `start_m` whose z axis points to `end_m`."""
+    z = (end_m - start_m) / max(length(end_m - start_m), 1e-9)
+    helper = np.array([0.0, 1.0, 0.0]) if abs(z[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    x = cross(helper, z)
+    x /= length(x)
+    return Pose(columns(x, cross(z, x), z), start_m)
+
+
+def _placed(pose: Pose) -> str:
+    """Return a pose as MJCF attributes."""
+    axes = (*pose.rotation[:, 0], *pose.rotation[:, 1])
+    return f'pos="{_numbers(pose.translation_m)}" xyaxes="{_numbers(axes)}"'
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{float(value):.9g}" for value in values)

@@ -1,0 +1,121 @@
+"""What is true in the laboratory: every context-variable of its spec, by definition, from the world's own state.
+
+The definitions were fixed before any perception was tuned, and perception never sees them.
+
+- `robot_is_localized`: the robot knows where it stands.
+- `M_in_observable_distance`, `M_in_manipulation_distance`: `Machine.distance_m` of the robot's true base is below
+  1.6 m, below 0.95 m.
+- `M_base_in_FOV`, `M_lid_in_FOV`: at least half of the corners of the part's tags are inside the image, in front of
+  the camera, on tags that face it, with nothing before them. Neither the light nor the distance matters.
+- `M_open`: the lid is more than 0.6 rad from closed.
+- `M_locked`: the latch lever is less than half way from locked (0 rad) to unlocked (1 rad).
+- `M_rotor_in_pos_1`, `..._2`: a centrifuge's rotor is less than 0.2 rad from 0, from half a turn. The lid hides the
+  rotor; it does not change what is true.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, pi, remainder
+from types import MappingProxyType
+
+from codra_papers.lab.perception.layout import Machine, Part
+from codra_papers.lab.simulator.geometric_camera import GeometricCamera
+from codra_papers.lab.simulator.world import JointKey, LabState, LabWorld
+
+OBSERVABLE_BELOW_M = 1.6
+MANIPULATION_BELOW_M = 0.95
+IN_VIEW_FROM_SHARE = 0.5
+OPEN_ABOVE_RAD = 0.6
+LOCKED_BELOW_RAD = 0.5
+ROTOR_WITHIN_RAD = 0.2
+
+SAMPLES_PER_S = 5.0
+"""How often truth is sampled while something moves; what becomes true between two samples counts half a sample off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TruthSpan:
+    """What is true from an instant up to, but not including, another.
+
+    Attributes:
+        values: by context-variable.
+    """
+
+    start_s: float
+    end_s: float
+    values: Mapping[str, bool]
+
+
+class GroundTruth:
+    """The truth about one world. It belongs to one thread at a time."""
+
+    def __init__(self, world: LabWorld) -> None:
+        self._world = world
+        self._camera = GeometricCamera(world.laboratory)
+        self._viewed = [(each.name, part) for each in world.laboratory.machines for part in (Part.BASE, Part.LID)]
+
+    def at(self, instant_s: float) -> Mapping[str, bool]:
+        """Return the truth of every context-variable at an instant."""
+        state = self._world.state(instant_s)
+        truth = {"robot_is_localized": state.is_localized} | _rotor_truth(state)
+        for machine in state.laboratory.machines:
+            truth |= _machine_truth(state, machine)
+        for (name, part), share in zip(self._viewed, self._camera.visible_shares(state, self._viewed), strict=True):
+            truth[f"{name}_{part}_in_FOV"] = share >= IN_VIEW_FROM_SHARE
+        return MappingProxyType(truth)
+
+    def over(self, start_s: float, end_s: float) -> tuple[TruthSpan, ...]:
+        """Return the truth from one instant to another, as spans in order, without gaps, each unlike the next.
+
+        While something moves it is sampled `SAMPLES_PER_S` times a second, while all stands still once.
+        """
+        spans: list[TruthSpan] = []
+        for piece_start_s, piece_end_s in _pieces(self._world, start_s, end_s):
+            values = self.at((piece_start_s + piece_end_s) / 2)
+            if spans and spans[-1].values == values:
+                piece_start_s = spans.pop().start_s  # noqa: PLW2901
+            spans.append(TruthSpan(start_s=piece_start_s, end_s=piece_end_s, values=values))
+        return tuple(spans)
+
+
+def truth_at(world: LabWorld, instant_s: float) -> Mapping[str, bool]:
+    """Return the truth of every context-variable at one instant; for many instants, `GroundTruth` is quicker."""
+    return GroundTruth(world).at(instant_s)
+
+
+def _machine_truth(state: LabState, machine: Machine) -> dict[str, bool]:
+    distance_m = machine.distance_m(state.map_from_robot())
+    return {
+        f"{machine.name}_in_observable_distance": distance_m < OBSERVABLE_BELOW_M,
+        f"{machine.name}_in_manipulation_distance": distance_m < MANIPULATION_BELOW_M,
+        f"{machine.name}_open": state.joints_rad[JointKey(machine.name, Part.LID)] > OPEN_ABOVE_RAD,
+        f"{machine.name}_locked": state.joints_rad[JointKey(machine.name, Part.LATCH)] < LOCKED_BELOW_RAD,
+    }
+
+
+def _rotor_truth(state: LabState) -> dict[str, bool]:
+    truth: dict[str, bool] = {}
+    for key, angle_rad in state.joints_rad.items():
+        if key.part is Part.ROTOR:
+            truth[f"{key.machine}_rotor_in_pos_1"] = abs(remainder(angle_rad, 2 * pi)) < ROTOR_WITHIN_RAD
+            truth[f"{key.machine}_rotor_in_pos_2"] = abs(remainder(angle_rad - pi, 2 * pi)) < ROTOR_WITHIN_RAD
+    return truth
+
+
+def _pieces(world: LabWorld, start_s: float, end_s: float) -> Iterator[tuple[float, float]]:
+    """Yield spans of time that one sample each stands for, in order and without gaps."""
+    reached_s = start_s
+    for moving_from_s, moving_until_s in world.moving_spans():
+        begin_s, finish_s = min(max(moving_from_s, reached_s), end_s), min(moving_until_s, end_s)
+        if begin_s > reached_s:
+            yield reached_s, begin_s
+            reached_s = begin_s
+        count = ceil(max(finish_s - reached_s, 0.0) * SAMPLES_PER_S)
+        edges_s = [reached_s + (finish_s - reached_s) * index / count for index in range(count)] + [finish_s]
+        yield from pairwise(edges_s)
+        reached_s = max(reached_s, finish_s)
+    if end_s > reached_s:
+        yield reached_s, end_s

@@ -1,0 +1,355 @@
+"""The state of the laboratory at any instant: a pure function of time and of the moves scheduled so far.
+
+Nothing here runs in the background, and nothing depends on who looks.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import cos, pi, sin
+from random import Random
+from threading import Lock
+from types import MappingProxyType
+
+from codra_papers.lab.perception.layout import Part
+from codra_papers.lab.perception.poses import Pose, camera_at, planar
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory
+
+Values = tuple[float, ...]
+Path = Callable[[float], Values]
+
+
+class Quantity(StrEnum):
+    """What moves or changes besides the machines' joints, and the numbers that describe it."""
+
+    BASE = "base"
+    """x, y in metres and heading in radians of the robot's base in the map."""
+    GAZE = "gaze"
+    """The camera's place and a point it looks at, both in the robot's base frame: six numbers in metres."""
+    REACH = "reach"
+    """How far the hand is put out past the camera: 0 (behind it, out of sight) to 1."""
+    OPENING = "opening"
+    """The gap between the fingers in metres."""
+    HOLDING = "holding"
+    """Whether the hand holds a sample tray: 0 or 1."""
+    LIGHT = "light"
+    """The light in the room: 1 is an ordinary day, 0 is dark."""
+    LOCALIZED = "localized"
+    """Whether the robot knows where it stands: 0 or 1."""
+    PERSON = "person"
+    """Where somebody stands who is not of the laboratory: x and y in metres in the map."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class JointKey:
+    """The joint of one machine that moves one part; its number is the angle in radians."""
+
+    machine: str
+    part: Part
+
+
+Channel = Quantity | JointKey
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """A smooth move of one channel, at rest at both ends.
+
+    Attributes:
+        delay_s: from the instant of scheduling to the start of the move.
+        duration_s: 0 for a jump.
+        path: the values over the progress from 0 to 1; it must begin with the values from before the move.
+    """
+
+    channel: Channel
+    path: Path
+    duration_s: float
+    delay_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabState:
+    """Everything that a camera or a ground truth could ask about one instant.
+
+    Attributes:
+        base: x, y in metres and heading in radians of the robot's base in the map.
+        eye_m: where the camera is, in the robot's base frame.
+        target_m: a point on the camera's axis, in the robot's base frame.
+        reach: 0 to 1, how far the hand is put out past the camera.
+        joints_rad: the angles of all machine joints.
+        light: 1 is an ordinary day, 0 is dark.
+        person_m: x and y in the map of somebody who is not of the laboratory.
+        laboratory: whose state it is.
+    """
+
+    t_s: float
+    base: tuple[float, float, float]
+    eye_m: tuple[float, float, float]
+    target_m: tuple[float, float, float]
+    reach: float
+    opening_m: float
+    is_holding: bool
+    light: float
+    is_localized: bool
+    joints_rad: Mapping[JointKey, float]
+    person_m: tuple[float, float]
+    laboratory: Laboratory
+
+    def map_from_robot(self) -> Pose:
+        """Return where the robot's base truly stands."""
+        return planar(*self.base)
+
+    def robot_from_camera(self) -> Pose:
+        """Return where the arm holds the camera."""
+        return camera_at(self.eye_m, self.target_m)
+
+    def map_from_camera(self) -> Pose:
+        """Return where the camera truly is (x right, y down, z forward)."""
+        return self.map_from_robot() @ self.robot_from_camera()
+
+    def map_from_part(self, machine: str, part: Part) -> Pose:
+        """Return where a part of a machine truly is."""
+        angle_rad = self.joints_rad.get(JointKey(machine, part), 0.0)
+        return self.laboratory.machine(machine).map_from_part(part, angle_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    start_s: float
+    end_s: float
+    path: Path
+
+    def at(self, t_s: float) -> Values:
+        if t_s >= self.end_s:
+            return self.path(1.0)
+        return self.path(_minimum_jerk((t_s - self.start_s) / (self.end_s - self.start_s)))
+
+
+@dataclass(slots=True)
+class _Track:
+    """The moves of one channel in order, which never overlap."""
+
+    initial: Values
+    starts_s: list[float] = field(default_factory=list)
+    segments: list[_Segment] = field(default_factory=list)
+
+    def at(self, t_s: float) -> Values:
+        """Return the values at an instant.
+
+        A jump shows right after its instant, so that nothing scheduled from an instant on changes what was seen at it.
+        """
+        index = bisect_left(self.starts_s, t_s)
+        return self.segments[index - 1].at(t_s) if index else self.initial
+
+    def right_after(self, t_s: float) -> Values:
+        index = bisect_right(self.starts_s, t_s)
+        return self.segments[index - 1].at(t_s) if index else self.initial
+
+    def append(self, segment: _Segment) -> None:
+        self.segments.append(segment)
+        self.starts_s.append(segment.start_s)
+
+    def end_s(self) -> float:
+        return self.segments[-1].end_s if self.segments else -1.0
+
+    def rests(self, t_s: float) -> bool:
+        return self.end_s() <= t_s
+
+    def moves_within(self, start_s: float, end_s: float) -> bool:
+        index = bisect_left(self.starts_s, end_s)
+        return index > 0 and self.segments[index - 1].end_s >= start_s
+
+
+HOME = (2.6, 1.1, pi / 2)
+"""Where the robot's base starts: x and y in metres, heading in radians."""
+
+TRAVEL_GAZE = (0.25, 0.0, 1.25, 1.6, 0.0, 0.75)
+"""Where the arm holds the camera while the robot drives: eye, then target, in the robot's base frame."""
+
+OUTSIDE = (-3.0, -3.0)
+"""Where people stay who are not in the room: x and y in metres."""
+
+_INITIAL: Mapping[Quantity, Values] = MappingProxyType(
+    {
+        Quantity.BASE: HOME,
+        Quantity.GAZE: TRAVEL_GAZE,
+        Quantity.REACH: (0.0,),
+        Quantity.OPENING: (0.08,),
+        Quantity.HOLDING: (0.0,),
+        Quantity.LIGHT: (1.0,),
+        Quantity.LOCALIZED: (1.0,),
+        Quantity.PERSON: OUTSIDE,
+    }
+)
+"""The laboratory in the morning: lids closed, latches locked, the rotor in its first position."""
+
+
+class LabWorld:
+    """The laboratory over time. Safe to read from any thread while one thread schedules.
+
+    Attributes:
+        seed: of what chance decides.
+        laboratory: what it is.
+    """
+
+    def __init__(self, seed: int, laboratory: Laboratory = LABORATORY) -> None:
+        """Create the laboratory as it stands at 0 s.
+
+        Args:
+            seed: decides the robot's localisation error, and with it nothing else.
+            laboratory: what stands in it, and how light it is.
+        """
+        self.seed = seed
+        self.laboratory = laboratory
+        joints = [JointKey(machine.name, joint.part) for machine in laboratory.machines for joint in machine.joints]
+        self._joint_keys = tuple(joints)
+        initial = {**_INITIAL, Quantity.LIGHT: (laboratory.light,)}
+        self._tracks: dict[Channel, _Track] = {quantity: _Track(values) for quantity, values in initial.items()}
+        self._tracks.update({joint: _Track((0.0,)) for joint in joints})
+        self._lock = Lock()
+        self._now_s = 0.0
+        self._error = _LocalizationError(seed)
+
+    def schedule(self, now_s: float, moves: Sequence[Move]) -> None:
+        """Let channels move from now on.
+
+        Args:
+            now_s: the present; never earlier than at the last call.
+            moves: those of one channel one after the other.
+
+        Raises:
+            ValueError: a move lies in the past, or a channel is still moving by an earlier one; nothing is scheduled
+                then.
+        """
+        with self._lock:
+            if now_s < self._now_s:
+                raise ValueError(f"moves at {now_s:g} s come after moves at {self._now_s:g} s were scheduled")
+            busy_until_s = {move.channel: self._tracks[move.channel].end_s() for move in moves}
+            segments: list[_Segment] = []
+            for move in moves:
+                segments.append(_segment(now_s, move, busy_until_s[move.channel]))
+                busy_until_s[move.channel] = segments[-1].end_s
+            self._now_s = now_s
+            for move, segment in zip(moves, segments, strict=True):
+                self._tracks[move.channel].append(segment)
+
+    def values(self, channel: Channel, t_s: float) -> Values:
+        """Return the numbers of one channel at an instant."""
+        with self._lock:
+            return self._tracks[channel].at(t_s)
+
+    def rests(self, channel: Channel, t_s: float) -> bool:
+        """Return whether a channel has come to rest by an instant, as far as is scheduled."""
+        with self._lock:
+            return self._tracks[channel].rests(t_s)
+
+    def moves_to(
+        self, now_s: float, channel: Channel, values: Values, duration_s: float, *, delay_s: float = 0.0
+    ) -> Move:
+        """Return the straight move of a channel from where it will be then to other values."""
+        with self._lock:
+            start = self._tracks[channel].right_after(now_s + delay_s)
+        return Move(channel=channel, path=straight(start, values), duration_s=duration_s, delay_s=delay_s)
+
+    def state(self, t_s: float) -> LabState:
+        """Return the state at an instant."""
+        with self._lock:
+            at = {channel: track.at(t_s) for channel, track in self._tracks.items()}
+        x_m, y_m, heading_rad = at[Quantity.BASE]
+        gaze = at[Quantity.GAZE]
+        return LabState(
+            t_s=t_s,
+            base=(x_m, y_m, heading_rad),
+            eye_m=(gaze[0], gaze[1], gaze[2]),
+            target_m=(gaze[3], gaze[4], gaze[5]),
+            reach=at[Quantity.REACH][0],
+            opening_m=at[Quantity.OPENING][0],
+            is_holding=at[Quantity.HOLDING][0] > 0.5,
+            light=at[Quantity.LIGHT][0],
+            is_localized=at[Quantity.LOCALIZED][0] > 0.5,
+            joints_rad=MappingProxyType({joint: at[joint][0] for joint in self._joint_keys}),
+            person_m=(at[Quantity.PERSON][0], at[Quantity.PERSON][1]),
+            laboratory=self.laboratory,
+        )
+
+    def moves_within(self, start_s: float, end_s: float) -> bool:
+        """Return whether the states at two instants, or any between them, can differ."""
+        with self._lock:
+            return any(track.moves_within(start_s, end_s) for track in self._tracks.values())
+
+    def moving_spans(self) -> tuple[tuple[float, float], ...]:
+        """Return when anything moves, as spans from start to end in seconds, in order and joined where they touch."""
+        with self._lock:
+            segments = [segment for track in self._tracks.values() for segment in track.segments]
+        spans: list[tuple[float, float]] = []
+        for start_s, end_s in sorted((segment.start_s, segment.end_s) for segment in segments):
+            if spans and start_s <= spans[-1][1]:
+                spans[-1] = (spans[-1][0], max(end_s, spans[-1][1]))
+            else:
+                spans.append((start_s, end_s))
+        return tuple(spans)
+
+    def believed_map_from_robot(self, t_s: float) -> Pose:
+        """Return where the robot believes its base stands: a few centimetres off, or much more while it is lost."""
+        with self._lock:
+            x_m, y_m, heading_rad = self._tracks[Quantity.BASE].at(t_s)
+            is_localized = self._tracks[Quantity.LOCALIZED].at(t_s)[0] > 0.5
+        return planar(x_m, y_m, heading_rad) @ self._error.at(t_s, is_localized=is_localized)
+
+
+def straight(start: Values, end: Values) -> Path:
+    """Return the straight path from one tuple of values to another."""
+
+    def path(progress: float) -> Values:
+        return tuple(a + (b - a) * progress for a, b in zip(start, end, strict=True))
+
+    return path
+
+
+def _segment(now_s: float, move: Move, busy_until_s: float) -> _Segment:
+    start_s = now_s + move.delay_s
+    if move.delay_s < 0 or move.duration_s < 0:
+        raise ValueError(f"a move of {move.channel} would begin at {start_s:g} s, which is past, or take negative time")
+    if start_s < busy_until_s - _ROUNDING_S:
+        raise ValueError(f"{move.channel} is still moving at {start_s:g} s")
+    return _Segment(start_s, start_s + move.duration_s, move.path)
+
+
+_ROUNDING_S = 1e-3
+"""By so much a move may begin before the last one ends: sums of durations round, and nothing moves in that time."""
+
+
+class _LocalizationError:
+    """How far the robot's belief is off: slow waves of a few centimetres; while it is lost, an offset on top."""
+
+    def __init__(self, seed: int) -> None:
+        random = Random(f"{seed} localization")
+        self._waves = tuple(
+            tuple((random.uniform(90.0, 700.0), random.uniform(0.0, 2 * pi), size) for size in sizes)
+            for sizes in ((0.012, 0.008), (0.012, 0.008), (0.006, 0.004))
+        )
+        away_rad = random.uniform(-pi, pi)
+        self._lost = (0.45 * cos(away_rad), 0.45 * sin(away_rad), random.choice((-1.0, 1.0)) * 0.25)
+
+    def at(self, t_s: float, *, is_localized: bool) -> Pose:
+        """Return the believed base's pose in the true base's frame."""
+        x_m, y_m, heading_rad = (
+            slow * sin(2 * pi * t_s / slow_s + slow_phase) + quick * sin(2 * pi * t_s / quick_s + quick_phase)
+            for (slow_s, slow_phase, slow), (quick_s, quick_phase, quick) in self._waves
+        )
+        off_x_m, off_y_m, off_rad = (0.0, 0.0, 0.0) if is_localized else self._lost
+        return Pose.planar(x_m + off_x_m, y_m + off_y_m, heading_rad + off_rad)
+
+
+def _minimum_jerk(share_of_time: float) -> float:
+    """Return how much of a move is done: smooth, at rest at both ends (Flash and Hogan).
+
+    The second half mirrors the first, so that rounding never carries a move beyond its end.
+    """
+    if share_of_time > 0.5:
+        return 1.0 - _minimum_jerk(1.0 - share_of_time)
+    s = share_of_time
+    return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)

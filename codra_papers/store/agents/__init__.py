@@ -1,0 +1,43 @@
+"""The agents of P2's robot (P2, section 5.2): each sees its sensors and the knowledge graph, and nothing else."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge
+from codra_papers.store.agents.container_detection import ContainerDetection
+from codra_papers.store.agents.fork import Fork
+from codra_papers.store.agents.monitors import CameraAgent, Lasers, Localisation
+from codra_papers.store.agents.navigation import Navigation
+from codra_papers.store.agents.person_detection import PersonDetection
+from codra_papers.store.agents.turning import Turning
+from codra_papers.store.agents.wheel_check import WheelCheck
+from codra_papers.store.body import Body
+
+Agent = (
+    Localisation
+    | CameraAgent
+    | Lasers
+    | PersonDetection
+    | ContainerDetection
+    | WheelCheck
+    | Navigation
+    | Turning
+    | Fork
+)
+
+AGENTS: tuple[type[Agent], ...] = (
+    Localisation,
+    CameraAgent,
+    Lasers,
+    PersonDetection,
+    ContainerDetection,
+    WheelCheck,
+    Navigation,
+    Turning,
+    Fork,
+)
+
+
+def start_agents(knowledge: Knowledge, body: Body, clock: Clock) -> tuple[Agent, ...]:
+    """Start all agents of the robot's body, each under its own name."""
+    return tuple(agent(knowledge, body, clock) for agent in AGENTS)

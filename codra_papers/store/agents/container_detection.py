@@ -1,0 +1,113 @@
+"""P2's ContainerDetectionAgent: woken by `robot -wants-> detecting`, it looks for roll containers and says where."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import atan2, cos, hypot, sin
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge, Snapshot, Transaction
+from codra_papers.store.agents.working import Executor, Rounds
+from codra_papers.store.body import Body, Seen
+from codra_papers.store.geometry import Pose2D
+from codra_papers.store.knowledge import pose_of, stand_of
+
+PERIOD_S = 0.2
+PICTURES = 12
+"""So many sharp pictures make one detection."""
+
+FOUND_IN = 4
+"""A container is there if it was found in so many of them."""
+
+SAME_M = 0.5
+"""Two sightings nearer than this are of one container."""
+
+SURE_WITHIN_M = 4.0
+"""What is known to be nearer than this, and in view, and was not found, is not there any more."""
+
+
+@dataclass(slots=True)
+class _Candidate:
+    stands: list[Pose2D] = field(default_factory=list)
+
+    def mean(self) -> Pose2D:
+        count = len(self.stands)
+        heading_rad = atan2(
+            sum(sin(each.heading_rad) for each in self.stands), sum(cos(each.heading_rad) for each in self.stands)
+        )
+        return Pose2D(
+            sum(each.x_m for each in self.stands) / count, sum(each.y_m for each in self.stands) / count, heading_rad
+        )
+
+
+class ContainerDetection:
+    """Finds roll containers."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Wait until somebody wants a detection."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("container_detection")
+        self._body = body
+        self._clock = clock
+        self._count = 0
+        self._candidates: list[_Candidate] = []
+        self._pictures = 0
+        self._rounds: Rounds | None = None
+        self._task = Executor(knowledge, self._handle, "detecting", self._begin, self._end)
+
+    def _begin(self, _: Snapshot) -> None:
+        self._candidates, self._pictures = [], 0
+        self._rounds = Rounds(self._clock, PERIOD_S, self._look)
+
+    def _end(self) -> None:
+        if self._rounds is not None:
+            self._rounds.stop()
+
+    def _look(self) -> None:
+        picture = self._body.look()
+        if not picture.is_steady:
+            return
+        self._pictures += 1
+        robot = self._body.believed()
+        for sighting in picture.sightings:
+            if sighting.kind is Seen.CONTAINER:
+                x_m, y_m = robot.out(sighting.at.x_m, sighting.at.y_m)
+                self._add(Pose2D(x_m, y_m, robot.heading_rad + sighting.at.heading_rad))
+        if self._pictures == PICTURES:
+            self._end()
+            found = [each.mean() for each in self._candidates if len(each.stands) >= FOUND_IN]
+            self._tell(found)
+            self._task.finish("found" if found else "lost")
+
+    def _add(self, stand: Pose2D) -> None:
+        for candidate in self._candidates:
+            if candidate.mean().distance_m(stand) < SAME_M:
+                candidate.stands.append(stand)
+                return
+        self._candidates.append(_Candidate([stand]))
+
+    def _tell(self, found: Sequence[Pose2D]) -> None:
+        snapshot = self._knowledge.snapshot()
+        known = {
+            node.name: stand_of(snapshot.transform("world", node.name).pose)
+            for node in snapshot.nodes("roll_container")
+            if snapshot.parent(node.name) == "world"
+        }
+        with self._handle.transaction() as change:
+            for stand in found:
+                name = min(known, key=lambda each: (known[each].distance_m(stand), each), default=None)
+                if name is None or known[name].distance_m(stand) > SAME_M:
+                    self._count += 1
+                    name = f"roll_container_{self._count}"
+                    change.insert_node(name, "roll_container")
+                known.pop(name, None)
+                change.place("world", "container_pose", name, pose_of(stand))
+            self._drop(change, snapshot, known)
+
+    def _drop(self, change: Transaction, snapshot: Snapshot, unseen: dict[str, Pose2D]) -> None:
+        robot = self._body.believed()
+        for name, stand in unseen.items():
+            is_close = hypot(stand.x_m - robot.x_m, stand.y_m - robot.y_m) < SURE_WITHIN_M
+            if is_close and snapshot.in_view(name, "camera"):
+                change.delete_node(name)

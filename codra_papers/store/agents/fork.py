@@ -1,0 +1,73 @@
+"""P2's PickUpAgent and DeliverAgent: the motors of the fork, and what hangs on it in the graph."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge, Snapshot
+from codra_papers.store.agents.working import Executor
+from codra_papers.store.body import Body, Lift, Outcome, Stop
+from codra_papers.store.geometry import Pose2D
+from codra_papers.store.knowledge import stand_of
+from codra_papers.store.layout import FORK_M
+
+REACH_M = 0.5
+"""What the fork lifts is known to be no farther from its middle than this."""
+
+
+class Fork:
+    """Raises and lowers the fork."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, _: Clock) -> None:
+        """Wait until somebody wants it."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("fork")
+        self._body = body
+        self._halt: Stop | None = None
+        self._handle.set("robot", "loaded", body.has_load())
+        self._lifting = Executor(knowledge, self._handle, "lifting", self._raise, self._stop)
+        self._lowering = Executor(knowledge, self._handle, "lowering", self._lower, self._stop)
+
+    def _raise(self, _: Snapshot) -> None:
+        self._halt = self._body.lift(Lift.UP, self._raised)
+
+    def _lower(self, _: Snapshot) -> None:
+        self._halt = self._body.lift(Lift.DOWN, self._lowered)
+
+    def _stop(self) -> None:
+        if self._halt is not None:
+            self._halt()
+
+    def _raised(self, outcome: Outcome) -> None:
+        if outcome is not Outcome.DONE:
+            return
+        is_loaded, snapshot = self._body.has_load(), self._knowledge.snapshot()
+        name = _on_fork(snapshot) if is_loaded else None
+        with self._handle.transaction() as change:
+            change.set("robot", "loaded", is_loaded)
+            if name is not None:
+                change.place("robot", "container_pose", name, snapshot.transform("robot", name).pose)
+                change.insert_edge("robot", "carries", name)
+        self._lifting.finish("lifted" if is_loaded else "empty")
+
+    def _lowered(self, outcome: Outcome) -> None:
+        if outcome is not Outcome.DONE:
+            return
+        snapshot = self._knowledge.snapshot()
+        with self._handle.transaction() as change:
+            change.set("robot", "loaded", self._body.has_load())
+            for edge in snapshot.edges("carries", origin="robot"):
+                change.place("world", "container_pose", edge.target, snapshot.transform("world", edge.target).pose)
+                change.delete_edge("robot", "carries", edge.target)
+        self._lowering.finish("lowered")
+
+
+def _on_fork(snapshot: Snapshot) -> str | None:
+    """Return the known container that the fork must have lifted."""
+    middle = Pose2D(-FORK_M, 0.0)
+    near = {
+        node.name: stand_of(snapshot.transform("robot", node.name).pose).distance_m(middle)
+        for node in snapshot.nodes("roll_container")
+        if snapshot.parent(node.name) == "world"
+    }
+    name = min(near, key=lambda each: (near[each], each), default=None)
+    return name if name is not None and near[name] < REACH_M else None

@@ -1,0 +1,61 @@
+"""Agents that say what single sensors say: where the robot is, how near things are, whether pictures are sharp."""
+
+from __future__ import annotations
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge
+from codra_papers.store.agents.surroundings import containers_m, gap_m, moving_points
+from codra_papers.store.agents.working import Rounds
+from codra_papers.store.body import FRONT, Body, Side
+from codra_papers.store.knowledge import FARTHEST_M, pose_of
+
+PERIOD_S = 0.2
+
+
+class Localisation:
+    """Says where the robot stands, and how sure that is."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Say so five times a second."""
+        self._handle = knowledge.as_agent("localisation")
+        self._body = body
+        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+
+    def _tell(self) -> None:
+        with self._handle.transaction() as change:
+            change.place("world", "robot_pose", "robot", pose_of(self._body.believed()))
+            change.set("robot", "pose_spread", self._body.localisation_spread_m())
+
+
+class CameraAgent:
+    """Says whether the robot holds still enough for the camera."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Say so five times a second."""
+        self._handle = knowledge.as_agent("camera_agent")
+        self._body = body
+        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+
+    def _tell(self) -> None:
+        self._handle.set("camera", "camera_steady", self._body.look().is_steady)
+
+
+class Lasers:
+    """Says how far the nearest thing is in front and behind, and all around the nearest that is not on the map."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Say so five times a second."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("lasers")
+        self._body = body
+        self._rounds = Rounds(clock, PERIOD_S, self._tell)
+
+    def _tell(self) -> None:
+        strange_m = gap_m(moving_points(self._body, containers_m(self._knowledge.snapshot())))
+        with self._handle.transaction() as change:
+            change.set("robot", "strange_gap", min(strange_m, FARTHEST_M))
+            change.set("robot", "front_gap", min(self._gap_m(side) for side in FRONT))
+            change.set("robot", "back_gap", self._gap_m(Side.BACK))
+
+    def _gap_m(self, side: Side) -> float:
+        return float(self._body.scan(side).ranges_m.min())

@@ -1,0 +1,146 @@
+"""P2's PersonDetectionAgent: who is in the camera's view, where, and near to what.
+
+Whom the camera has seen the lasers follow, beside the robot, behind it, and while it turns: they tell where something
+is that is not on the map, but not that it is somebody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import atan2, hypot, sin
+from statistics import fmean
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.geometry import Pose
+from codra_dsl.runtime.knowledge import Knowledge, Transaction
+from codra_papers.store.agents.surroundings import containers_m, moving_points
+from codra_papers.store.agents.working import Rounds
+from codra_papers.store.body import (
+    CAMERA_AT,
+    CAMERA_FARTHEST_M,
+    CAMERA_VIEW_RAD,
+    Body,
+    Seen,
+    Sighting,
+)
+from codra_papers.store.geometry import Point, Pose2D
+from codra_papers.store.knowledge import FARTHEST_M
+
+PERIOD_S = 0.4
+NEAR_M = 1.5
+"""Somebody nearer than this, from middle to middle, is near."""
+
+SAME_M = 1.0
+"""Nobody gets farther than this from one picture to the next."""
+
+BREADTH_M = 0.3
+"""What the lasers see nearer than this to a point of somebody is of the same person."""
+
+LASERS_FARTHEST_M = 2.5
+"""Who is nearer than this and not met by a laser is not there."""
+
+FORGET_S = 1.5
+"""Somebody who was not seen for so long, where the camera or a laser looks, is not there."""
+
+EDGE_M = 0.6
+"""Who was last seen so near to the edge of what the camera sees may have left it."""
+
+REMEMBER_S = 5.0
+"""Somebody whom the camera may not see any more is taken to be there for so long."""
+
+
+class PersonDetection:
+    """Keeps a node for everybody in view."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Look again and again."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("person_detection")
+        self._body = body
+        self._clock = clock
+        self._count = 0
+        self._seen: dict[str, tuple[Point, float]] = {}
+        self._rounds = Rounds(clock, PERIOD_S, self._look)
+
+    def _look(self) -> None:
+        picture = self._body.look()
+        if not (picture.is_steady or self._seen):
+            return  # nothing is to be seen, and nobody to be followed
+        people = [each for each in picture.sightings if each.kind is Seen.PERSON]
+        with self._handle.transaction() as change:
+            self._follow(change, people)
+            self._follow_by_lasers(change)
+            self._forget(change)
+            self._relate(change)
+            robot = self._body.believed()
+            gaps_m = [_distance_m(at_m, robot.point_m) for at_m, _ in self._seen.values()]
+            if picture.is_steady or gaps_m:
+                change.set("robot", "person_distance", min([*gaps_m, FARTHEST_M]))
+
+    def _follow(self, change: Transaction, people: Iterable[Sighting]) -> None:
+        robot = self._body.believed()
+        free = dict(self._seen)
+        for sighting in people:
+            at_m = robot.out(sighting.at.x_m, sighting.at.y_m)
+            name = min(free, key=lambda each: (_distance_m(free[each][0], at_m), each), default=None)
+            if name is None or _distance_m(free[name][0], at_m) > SAME_M:
+                self._count += 1
+                name = f"person_{self._count}"
+                change.insert_node(name, "person")
+            free.pop(name, None)
+            self._place(change, name, at_m)
+
+    def _follow_by_lasers(self, change: Transaction) -> None:
+        """Move everybody whom the camera has not seen now to what the lasers see nearest to where they were."""
+        now_s, robot = self._clock.now_s(), self._body.believed()
+        lost = [name for name, (_, seen_s) in self._seen.items() if seen_s < now_s]
+        if not lost:
+            return
+        strange = moving_points(self._body, containers_m(self._knowledge.snapshot())).tolist()
+        points = [robot.out(*point) for point in strange]
+        for name in lost:
+            was_m = self._seen[name][0]
+            nearest = min(points, key=lambda point: _distance_m(point, was_m), default=None)
+            if nearest is not None and _distance_m(nearest, was_m) < SAME_M:
+                own = [point for point in points if _distance_m(point, nearest) < BREADTH_M]
+                self._place(change, name, (fmean(x for x, _ in own), fmean(y for _, y in own)))
+
+    def _place(self, change: Transaction, name: str, at_m: Point) -> None:
+        self._seen[name] = (at_m, self._clock.now_s())
+        change.place("world", "person_pose", name, Pose.of((*at_m, 0.0)))
+
+    def _forget(self, change: Transaction) -> None:
+        now_s, robot = self._clock.now_s(), self._body.believed()
+        for name, (at_m, seen_s) in list(self._seen.items()):
+            if now_s - seen_s >= (FORGET_S if _is_looked_at(robot, at_m) else REMEMBER_S):
+                del self._seen[name]
+                change.delete_node(name)
+
+    def _relate(self, change: Transaction) -> None:
+        snapshot, robot = self._knowledge.snapshot(), self._body.believed()
+        others = {"robot": robot.point_m}
+        for node in snapshot.nodes("roll_container"):
+            if snapshot.parent(node.name) is not None:
+                x_m, y_m, _ = snapshot.transform("world", node.name).pose.translation_m
+                others[node.name] = (x_m, y_m)
+        for name, (at_m, _) in self._seen.items():
+            for other, place_m in others.items():
+                is_near = _distance_m(at_m, place_m) < NEAR_M
+                was_near = snapshot.has_edge(name, "near", other) if name in snapshot else False
+                if is_near and not was_near:
+                    change.insert_edge(name, "near", other)
+                elif was_near and not is_near:
+                    change.delete_edge(name, "near", other)
+
+
+def _is_looked_at(robot: Pose2D, at_m: Point) -> bool:
+    """Return whether somebody who is at a place, or has gone on from there a little, is met by a laser or in view."""
+    if _distance_m(robot.point_m, at_m) < LASERS_FARTHEST_M:
+        return True
+    ahead_m, left_m = Pose2D(*robot.out(CAMERA_AT.x_m, CAMERA_AT.y_m), robot.heading_rad).seen_from_here(at_m)
+    range_m, inside_rad = hypot(ahead_m, left_m), CAMERA_VIEW_RAD / 2 - abs(atan2(left_m, ahead_m))
+    return range_m <= CAMERA_FARTHEST_M and inside_rad > 0.0 and range_m * sin(inside_rad) > EDGE_M
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

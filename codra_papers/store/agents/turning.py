@@ -1,0 +1,48 @@
+"""Turning by 180 degrees on the spot, so that the fork comes to where the front was (P2, section 3.2)."""
+
+from __future__ import annotations
+
+from math import pi
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge, Snapshot
+from codra_papers.store.agents.working import Executor
+from codra_papers.store.body import Body, Outcome, Stop
+from codra_papers.store.geometry import wrapped
+
+_RESULTS = {Outcome.DONE: "turned", Outcome.BLOCKED: "blocked", Outcome.BUMPED: "bumped"}
+
+
+TRIES = 3
+"""How often it tries before it says that there is no room; each try waits as long as the motion layer does."""
+
+
+class Turning:
+    """Turns the robot round."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, _: Clock) -> None:
+        """Wait until somebody wants it."""
+        self._body = body
+        self._goal_rad, self._tries = 0.0, 0
+        self._halt: Stop | None = None
+        self._task = Executor(knowledge, knowledge.as_agent("turning"), "rotating", self._begin, self._stop)
+
+    def _begin(self, _: Snapshot) -> None:
+        self._goal_rad = self._body.believed().heading_rad + pi
+        self._tries = 0
+        self._turn(pi)
+
+    def _turn(self, angle_rad: float) -> None:
+        self._tries += 1
+        self._halt = self._body.turn(angle_rad, self._done)
+
+    def _stop(self) -> None:
+        if self._halt is not None:
+            self._halt()
+
+    def _done(self, outcome: Outcome) -> None:
+        """Try again where somebody stood in the way: as far as is left, or back by the other side."""
+        if outcome is Outcome.BLOCKED and self._tries < TRIES:
+            self._turn(wrapped(self._goal_rad - self._body.believed().heading_rad))
+        elif outcome in _RESULTS:
+            self._task.finish(_RESULTS[outcome])

@@ -1,0 +1,130 @@
+"""The check of a container's wheels by the laser at the tip of the fork (P2, sections 3.2 and 5.1).
+
+A wheel is a short run of points; two wheels stand as far apart as those of one side of a container. The container
+stands behind the middle of the two, and faces the robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from math import atan2, hypot
+from statistics import median
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge, Snapshot
+from codra_papers.store.agents.working import Executor, Rounds
+from codra_papers.store.body import Body, Scan, Side
+from codra_papers.store.geometry import Point, Pose2D, wrapped
+from codra_papers.store.knowledge import pose_of, stand_of
+from codra_papers.store.layout import WHEEL_OFFSET_M, WHEEL_RADIUS_M
+
+PERIOD_S = 0.2
+SCANS = 5
+FOUND_IN = 3
+GAP_M = 0.12
+"""Points of two rays beside each other that are farther apart belong to two things."""
+
+WIDEST_M = 0.16
+"""A wheel is no wider, noise included."""
+
+FARTHEST_M = 2.5
+ASIDE_M = 0.6
+APART_WITHIN_M = 0.06
+SAME_M = 0.8
+"""A container is not farther than this from where the camera has seen it."""
+
+
+class WheelCheck:
+    """Says exactly where the container behind the robot stands."""
+
+    def __init__(self, knowledge: Knowledge, body: Body, clock: Clock) -> None:
+        """Wait until somebody wants a check."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("wheel_check")
+        self._body = body
+        self._clock = clock
+        self._found: list[Pose2D] = []
+        self._scans = 0
+        self._rounds: Rounds | None = None
+        self._task = Executor(knowledge, self._handle, "checking", self._begin, self._end)
+
+    def _begin(self, _: Snapshot) -> None:
+        self._found, self._scans = [], 0
+        self._rounds = Rounds(self._clock, PERIOD_S, self._look)
+
+    def _end(self) -> None:
+        if self._rounds is not None:
+            self._rounds.stop()
+
+    def _look(self) -> None:
+        self._scans += 1
+        stand = container_behind(self._body.scan(Side.BACK))
+        if stand is not None:
+            self._found.append(stand)
+        if self._scans == SCANS:
+            self._end()
+            self._task.finish("found" if self._tell() else "lost")
+
+    def _tell(self) -> bool:
+        """Write where the container stands, and return whether there is one."""
+        if len(self._found) < FOUND_IN:
+            return False
+        x_m, y_m = (median(getattr(each, axis) for each in self._found) for axis in ("x_m", "y_m"))
+        robot = self._body.believed()
+        heading_rad = wrapped(robot.heading_rad + median(each.heading_rad for each in self._found))
+        stand = Pose2D(*robot.out(x_m, y_m), heading_rad)
+        snapshot = self._knowledge.snapshot()
+        known = {
+            node.name: stand_of(snapshot.transform("world", node.name).pose).distance_m(stand)
+            for node in snapshot.nodes("roll_container")
+            if snapshot.parent(node.name) == "world"
+        }
+        name = min(known, key=lambda each: (known[each], each), default=None)
+        if name is None or known[name] > SAME_M:
+            return False
+        self._handle.place("world", "container_pose", name, pose_of(stand))
+        return True
+
+
+def container_behind(scan: Scan) -> Pose2D | None:
+    """Return where a container stands in the robot's frame, from two of its wheels; None if none are seen."""
+    wheels = [wheel for run in _runs(scan) for wheel in _wheel(scan, run)]
+    pairs = [
+        (one, other)
+        for one, other in combinations(wheels, 2)
+        if abs(hypot(one[0] - other[0], one[1] - other[1]) - 2 * WHEEL_OFFSET_M) < APART_WITHIN_M
+        and abs(one[0] - other[0]) < abs(one[1] - other[1])
+    ]
+    if not pairs:
+        return None
+    one, other = max(pairs, key=lambda pair: pair[0][0] + pair[1][0])
+    left, right = (one, other) if one[1] > other[1] else (other, one)
+    across_rad = atan2(left[1] - right[1], left[0] - right[0])
+    middle = Pose2D((one[0] + other[0]) / 2, (one[1] + other[1]) / 2, wrapped(across_rad - 1.5707963267948966))
+    return middle.ahead(-WHEEL_OFFSET_M)
+
+
+def _runs(scan: Scan) -> list[list[Point]]:
+    """Return runs of neighbouring points without a gap."""
+    runs, last = list[list[Point]](), (1e9, 1e9)
+    for x_m, y_m in scan.points_m().tolist():
+        point = (x_m, y_m)
+        if hypot(point[0] - last[0], point[1] - last[1]) > GAP_M:
+            runs.append([])
+        runs[-1].append(point)
+        last = point
+    return runs
+
+
+def _wheel(scan: Scan, run: Sequence[Point]) -> Sequence[Point]:
+    """Return the middle of the wheel that a run of points shows, if it can be one."""
+    x_m, y_m = (sum(point[axis] for point in run) / len(run) for axis in (0, 1))
+    eye = scan.mount
+    distance_m = hypot(x_m - eye.x_m, y_m - eye.y_m)
+    width_m = hypot(run[0][0] - run[-1][0], run[0][1] - run[-1][1])
+    if width_m > WIDEST_M or distance_m > FARTHEST_M or abs(y_m) > ASIDE_M or len(run) < 2:
+        return ()
+    nearest_m = median(hypot(x - eye.x_m, y - eye.y_m) for x, y in run) + WHEEL_RADIUS_M * 0.85
+    share = nearest_m / distance_m
+    return ((eye.x_m + (x_m - eye.x_m) * share, eye.y_m + (y_m - eye.y_m) * share),)

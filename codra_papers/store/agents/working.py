@@ -1,0 +1,88 @@
+"""How agents work: again and again, or whenever a task is theirs to execute (P2, section 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from codra_dsl.runtime.clock import Clock, Timer
+from codra_dsl.runtime.knowledge import AgentHandle, ConflictError, Knowledge, Request, Snapshot, Stage, path
+
+
+class Rounds:
+    """Calls back at the instants of a grid, until it is stopped."""
+
+    def __init__(self, clock: Clock, period_s: float, callback: Callable[[], None]) -> None:
+        """Begin with a round now."""
+        self._clock = clock
+        self._period_s = period_s
+        self._callback = callback
+        self._begun_s = clock.now_s()
+        self._count = 0
+        self._timer: Timer | None = clock.call_at(self._begun_s, self._round)
+
+    def stop(self) -> None:
+        """Call back no more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _round(self) -> None:
+        self._count += 1
+        self._timer = self._clock.call_at(self._begun_s + self._count * self._period_s, self._round)
+        self._callback()
+
+
+class Executor:
+    """The executor's side of one task: it acknowledges, begins, and stops when the request is no longer its own."""
+
+    def __init__(
+        self,
+        knowledge: Knowledge,
+        handle: AgentHandle,
+        task: str,
+        begin: Callable[[Snapshot], None],
+        stop: Callable[[], None],
+    ) -> None:
+        """Wait for requests.
+
+        Args:
+            knowledge: where they are.
+            handle: of the agent that executes the task.
+            task: its name.
+            begin: called when a request was acknowledged, with the graph as it was then.
+            stop: called when the request under way was aborted, by its requester or by a deadline.
+        """
+        self._knowledge = knowledge
+        self._handle = handle
+        self._task = task
+        self._begin = begin
+        self._stop = stop
+        self._request: Request | None = None
+        self._subscriptions = (
+            knowledge.subscribe(lambda _: self._look(), path("robot", Stage.WANTS, task)),
+            knowledge.subscribe(lambda _: self._look(), path("robot", Stage.ABORTED, task)),
+            knowledge.follow(task, "request", lambda _: self._look()),
+        )
+
+    def finish(self, result: str) -> None:
+        """End the request under way with a result; harmless if it has ended otherwise."""
+        request, self._request = self._request, None
+        if request is not None:
+            try:
+                self._handle.finish(request, result)
+            except ConflictError:
+                return  # its deadline has passed in this very instant
+
+    def _look(self) -> None:
+        handover = self._knowledge.snapshot().handover(self._task)
+        is_mine = handover.request == self._request and handover.stage is Stage.IS
+        if self._request is not None and not is_mine:
+            self._request = None
+            self._stop()
+        if handover.stage is Stage.WANTS:
+            try:
+                self._handle.acknowledge(handover.request)
+            except ConflictError:
+                return  # it was taken back in this very instant
+            self._request = handover.request
+            self._begin(self._knowledge.snapshot())

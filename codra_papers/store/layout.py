@@ -1,0 +1,177 @@
+"""The shop: 20 m by 15 m, shelves with corridors of 2 m between them (P2, section 6), and the poses that have names.
+
+Five rows of shelves stand along the north, from 4 m to 13 m; in front of them is an open zone. A picking area is a
+recess in a row, open to the corridor east of it, where roll containers stand. From the first observation pose of an
+area the southern end of its recess is hidden by the shelf, from the second it is in sight (P2, Figure 8).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import pi
+from types import MappingProxyType
+
+from codra_papers.store.geometry import Box, Pose2D
+
+LENGTH_M, DEPTH_M = 20.0, 15.0
+CORRIDOR_M = 2.0
+ROWS_WEST_M = (2.0, 5.6, 9.2, 12.8, 16.4)
+ROW_WIDTH_M = 1.6
+ROW_SOUTH_M, ROW_NORTH_M = 4.0, 13.0
+PANEL_M = 0.1
+"""How thick the back of a recess is."""
+
+CORRIDORS_X_M = (1.0, 4.6, 8.2, 11.8, 15.4, 19.0)
+"""The middles of the corridors between the rows."""
+
+FRONT_Y_M, BACK_Y_M = 2.0, 14.0
+"""The middles of the ways in front of the rows and behind them."""
+
+CONTAINER_M = 0.7
+"""The length and width of a roll container."""
+
+WHEEL_OFFSET_M = 0.3
+WHEEL_RADIUS_M = 0.05
+"""A container's four wheels stand so far from its middle, to either side."""
+
+BODY_FRONT_M, BODY_BACK_M, FORK_TIP_M = 0.45, 0.0, -0.75
+BODY_WIDTH_M, FORK_WIDTH_M = 0.7, 0.4
+REACH_M = 0.83
+"""How far the robot's farthest corner is from its axle, about which it turns."""
+
+FORK_M = 0.4
+"""So far behind the robot's axle the middle of its fork is, and of a container on it."""
+
+DEPTH_OF_PLACE_M = 1.0
+"""How deep in a recess the middle of a container stands."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recess:
+    """An opening in a row of shelves.
+
+    Attributes:
+        row: its row, from the west, from 0.
+    """
+
+    row: int
+    south_m: float
+    north_m: float
+
+    @property
+    def corridor_x_m(self) -> float:
+        """Return the middle of the corridor to which it opens."""
+        return CORRIDORS_X_M[self.row + 1]
+
+    def place(self, y_m: float) -> Pose2D:
+        """Return where a container stands, facing the corridor."""
+        return Pose2D(ROWS_WEST_M[self.row] + ROW_WIDTH_M - DEPTH_OF_PLACE_M, y_m, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Area:
+    """Where containers stand, and the robot's poses about it (P2, Figure 8).
+
+    Attributes:
+        observation: from which the robot looks for a container, the first pose first.
+        delivery: where the robot stands when it sets down a container.
+        places: where a container can stand: that of a delivery first.
+    """
+
+    name: str
+    recess: Recess
+    observation: tuple[Pose2D, ...]
+    places: tuple[Pose2D, ...]
+
+    @property
+    def delivery(self) -> Pose2D:
+        """Return where the robot stands when a container on its fork stands at the first place."""
+        return robot_at(self.places[0])
+
+    @property
+    def approach(self) -> Pose2D:
+        """Return where the robot begins to back up to the delivery pose."""
+        return approach_to(self.places[0])
+
+
+def robot_at(container: Pose2D) -> Pose2D:
+    """Return where the robot stands when its fork is under a container."""
+    return container.ahead(FORK_M)
+
+
+def approach_to(container: Pose2D) -> Pose2D:
+    """Return where the robot stands, its fork towards a container in a recess, before it backs up: in the corridor."""
+    return container.ahead(DEPTH_OF_PLACE_M + CORRIDOR_M / 2)
+
+
+def _picking_area(name: str, row: int) -> Area:
+    recess = Recess(row=row, south_m=7.0, north_m=10.2)
+    x_m = recess.corridor_x_m
+    return Area(
+        name=name,
+        recess=recess,
+        observation=(Pose2D(x_m, recess.south_m - 1.9, 2.1), Pose2D(x_m, recess.north_m + 0.8, pi + 0.9)),
+        places=(recess.place(9.4), recess.place(7.6)),
+    )
+
+
+def _single(name: str, south_m: float) -> Area:
+    recess = Recess(row=4, south_m=south_m, north_m=south_m + 1.8)
+    middle_m = south_m + 0.9
+    return Area(
+        name=name,
+        recess=recess,
+        observation=(Pose2D(recess.corridor_x_m, middle_m, pi),),
+        places=(recess.place(middle_m),),
+    )
+
+
+PICKING_AREAS: Mapping[str, Area] = MappingProxyType(
+    {name: _picking_area(name, row) for row, name in enumerate(("area_1", "area_2", "area_3", "area_4"))}
+)
+"""Where pickers work."""
+
+SUPPLY = _single("supply", 5.0)
+"""Where an empty container waits to be fetched."""
+
+DELIVERY = _single("delivery", 9.0)
+"""The general delivery pose (P2, section 5.1): staff take away what is set down here."""
+
+AREAS: Mapping[str, Area] = MappingProxyType({**PICKING_AREAS, SUPPLY.name: SUPPLY, DELIVERY.name: DELIVERY})
+
+START = Pose2D(8.2, 2.0, pi / 2)
+"""Where the robot waits for orders."""
+
+DOCK = Pose2D(1.0, 1.0, pi)
+"""Where it charges."""
+
+
+def _rows() -> tuple[Box, ...]:
+    return tuple(box for row in range(len(ROWS_WEST_M)) for box in _row(row))
+
+
+def _row(row: int) -> list[Box]:
+    west_m, east_m = ROWS_WEST_M[row], ROWS_WEST_M[row] + ROW_WIDTH_M
+    boxes, reached_m = [], ROW_SOUTH_M
+    for recess in sorted((area.recess for area in AREAS.values() if area.recess.row == row), key=lambda r: r.south_m):
+        boxes.append(Box.between(west_m, reached_m, east_m, recess.south_m))
+        boxes.append(Box.between(west_m, recess.south_m, west_m + PANEL_M, recess.north_m))
+        reached_m = recess.north_m
+    return [*boxes, Box.between(west_m, reached_m, east_m, ROW_NORTH_M)]
+
+
+def _walls() -> tuple[Box, ...]:
+    t = 0.2
+    return (
+        Box.between(-t, -t, LENGTH_M + t, 0.0),
+        Box.between(-t, DEPTH_M, LENGTH_M + t, DEPTH_M + t),
+        Box.between(-t, 0.0, 0.0, DEPTH_M),
+        Box.between(LENGTH_M, 0.0, LENGTH_M + t, DEPTH_M),
+    )
+
+
+SHELVES = _rows()
+WALLS = _walls()
+FIXED = (*SHELVES, *WALLS)
+"""All that never moves."""

@@ -1,0 +1,68 @@
+"""Orders served by the book: one after the other, each to its end, whatever happens meanwhile.
+
+This is P2's nominal course (section 5.1: pick up, deliver, back to the start) without its loops: nothing aborts it but
+a deadline of a task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Knowledge
+from codra_papers.store.layout import DELIVERY
+from codra_papers.store.mission.trip import AbortedError, Trip, TripError
+
+
+class OrdersByTheBook:
+    """The agent `mission`: it takes up the orders in the graph in the order in which they came."""
+
+    def __init__(self, knowledge: Knowledge, clock: Clock) -> None:
+        """Take the agents `mission` and `picking`; nothing is served yet."""
+        self._knowledge = knowledge
+        self._clock = clock
+        self._handle = knowledge.as_agent("mission")
+        self._trip = Trip(knowledge, clock)
+
+    def serve(self) -> None:
+        """Serve orders for ever: what ends it is the clock."""
+        while True:
+            self._clock.wait_until(lambda: self._next() is not None, inf)
+            while (order := self._next()) is not None:
+                self._handle.set(order, "state", "open")
+                self._handle.set("base", "base_notice", "none")
+                self._handle.set(order, "state", self._outcome(order))
+            self._try_to(lambda: self._trip.go_to("start"))
+
+    def _next(self) -> str | None:
+        """Return the oldest order that has no state yet."""
+        snapshot = self._knowledge.snapshot()
+        waiting = (node for node in snapshot.nodes("order") if not snapshot.get(node.name, "state").known)
+        return next((node.name for node in waiting), None)
+
+    def _outcome(self, order: str) -> str:
+        snapshot = self._knowledge.snapshot()
+        (origin,) = snapshot.edges("of_area", origin=order)
+        (target,) = snapshot.edges("to_area", origin=order)
+        try:
+            if not self._trip.pick_up(origin.target):
+                return "failed"
+            self._trip.deliver(target.target)
+        except (TripError, AbortedError):
+            self._handle.set("base", "base_notice", "mission_aborted")
+            self._put_down()
+            return "failed"
+        return "done"
+
+    def _put_down(self) -> None:
+        """Bring what is still on the fork to the general delivery pose, as P2 does when a mission ends early."""
+        loaded = self._knowledge.get("robot", "loaded")
+        if loaded.known and loaded.value:
+            self._try_to(lambda: self._trip.deliver(DELIVERY.name))
+
+    def _try_to(self, do: Callable[[], None]) -> None:
+        try:
+            do()
+        except (TripError, AbortedError):
+            self._handle.set("base", "base_notice", "mission_aborted")

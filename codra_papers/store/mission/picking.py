@@ -1,0 +1,139 @@
+"""The agent `picking`: it fetches a container while the mission asks for one (P2, sections 3.2 and 5.2).
+
+It and the mission know of each other by the task `fetching` only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from math import pi
+
+from codra_dsl.runtime.behavior_trees import Action, Ports, Result, Robot, Task
+from codra_dsl.runtime.knowledge import ConflictError, Knowledge, Request, Stage
+from codra_papers.store.body import Way
+from codra_papers.store.geometry import Pose2D
+from codra_papers.store.knowledge import stand_of
+from codra_papers.store.layout import AREAS, approach_to, robot_at
+from codra_papers.store.mission.move_to import Goal, MoveTo
+
+_NOTICES = {"no roll container found": "container_not_found", "pose not determined": "container_not_placed"}
+
+
+class Picking:
+    """Answers requests for containers."""
+
+    def __init__(self, knowledge: Knowledge) -> None:
+        """Take the agent `picking`; nothing is asked of it yet."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("picking")
+        self._request: Request | None = None
+        self._area = ""
+        self._handle.set("robot", "picking_up", False)
+
+    def leaves(self) -> Robot:
+        """Return what the leaves of `trees/pick_up.xml` do."""
+        robot = Robot()
+        knowledge, handle = self._knowledge, self._handle
+        robot.does("IsRequested", self._is_requested)
+        robot.does("Report", self._report)
+        robot.does("Inform", self._inform)
+        robot.can("MoveTo", lambda: MoveTo(handle, knowledge))
+        robot.can("DetectContainer", lambda: _Then(self._task("detecting", "found"), self._seen))
+        robot.can("CheckWheels", lambda: _Then(self._task("checking", "found"), self._measured))
+        robot.can("Rotate", lambda: self._task("rotating", "turned"))
+        robot.can("RaiseFork", lambda: self._task("lifting", "lifted"))
+        return robot
+
+    def _task(self, name: str, success: str) -> Task:
+        return Task(name, self._handle, self._knowledge, succeeds_with=(success,))
+
+    def _is_requested(self, ports: Ports) -> bool:
+        """Return whether a request is under way, and take up a new one."""
+        handover = self._knowledge.snapshot().handover("fetching")
+        if handover.stage is Stage.WANTS:
+            self._take_up(handover.request)
+        is_mine = self._request is not None and self._request == handover.request and handover.is_open
+        if not is_mine and self._request is not None:
+            self._end()
+        if is_mine:
+            ports.set("second_observation_pose", self._second_pose())
+        return is_mine
+
+    def _take_up(self, request: Request) -> None:
+        try:
+            self._handle.acknowledge(request)
+        except ConflictError:  # it was taken back in this very instant
+            return
+        self._request = request
+        self._area = self._nearest_area()
+        self._handle.set("robot", "picking_up", True)
+
+    def _report(self, ports: Ports) -> bool:
+        """Answer the request; what was answered before stands."""
+        request = self._request
+        if request is not None:
+            with suppress(ConflictError):  # it has ended otherwise
+                self._handle.finish(request, ports.text("result"))
+            self._end()
+        return True
+
+    def _end(self) -> None:
+        self._request = None
+        self._handle.set("robot", "picking_up", False)
+
+    def _inform(self, ports: Ports) -> bool:
+        notice = _NOTICES.get(ports.text("message"))
+        if notice is not None:
+            self._handle.set("base", "base_notice", notice)
+        return True
+
+    def _seen(self, ports: Ports) -> None:
+        before = approach_to(self._container())
+        ports.set("container_pose", Goal(stand=before.turned(pi)))
+        ports.set("fork_towards", Goal(stand=before))
+
+    def _measured(self, ports: Ports) -> None:
+        ports.set("fork_pose", Goal(stand=robot_at(self._container()), way=Way.BACKWARD))
+
+    def _second_pose(self) -> str:
+        """Return the last pose from which to look; areas that are seen as a whole have one."""
+        return f"{self._area}_pose_{len(AREAS[self._area].observation)}"
+
+    def _nearest_area(self) -> str:
+        """Return the area at whose first observation pose the robot stands."""
+        robot = stand_of(self._knowledge.transform("world", "robot").pose)
+        return min(AREAS, key=lambda name: (robot.distance_m(AREAS[name].observation[0]), name))
+
+    def _container(self) -> Pose2D:
+        """Return where the known container stands that is nearest to where one is delivered in the area."""
+        snapshot = self._knowledge.snapshot()
+        middle = AREAS[self._area].delivery
+        stands = [
+            stand_of(snapshot.transform("world", node.name).pose)
+            for node in snapshot.nodes("roll_container")
+            if snapshot.parent(node.name) == "world"
+        ]
+        return min(stands, key=lambda stand: (stand.distance_m(middle), stand.x_m, stand.y_m))
+
+
+class _Then(Action):
+    """A task, and what is done when it has succeeded."""
+
+    def __init__(self, task: Task, then: Callable[[Ports], None]) -> None:
+        self._task = task
+        self._then = then
+
+    def start(self, ports: Ports) -> Result:
+        return self._followed(self._task.start(ports), ports)
+
+    def go_on(self, ports: Ports) -> Result:
+        return self._followed(self._task.go_on(ports), ports)
+
+    def halt(self, ports: Ports) -> None:
+        self._task.halt(ports)
+
+    def _followed(self, result: Result, ports: Ports) -> Result:
+        if result is Result.SUCCESS:
+            self._then(ports)
+        return result

@@ -1,0 +1,96 @@
+"""The page's text: a template, a style and a script that come with the package, and a map drawn from the layout."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from importlib.resources import files
+from math import degrees
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from codra_papers.store.geometry import Box, Pose2D
+from codra_papers.store.knowledge import named_stands
+from codra_papers.store.layout import (
+    AREAS,
+    BODY_BACK_M,
+    BODY_FRONT_M,
+    BODY_WIDTH_M,
+    CONTAINER_M,
+    DEPTH_M,
+    FIXED,
+    FORK_TIP_M,
+    FORK_WIDTH_M,
+    LENGTH_M,
+    PICKING_AREAS,
+    Area,
+)
+from codra_papers.store.simulator.people import PERSON_RADIUS_M
+from codra_papers.store.simulator.state import Load
+
+PACKAGE = "codra_papers.store.page"
+MARGIN_M = 0.3
+LABEL_M = 0.63
+"""So far from the middle of a container's place is a name that stands beside it."""
+
+
+@cache
+def static_text(name: str) -> str:
+    """Return a file of the page that is the same for all."""
+    return files(PACKAGE).joinpath("files", name).read_text("utf-8")
+
+
+@cache
+def page_html() -> str:
+    """Return the page as it is before anything is known. On the map x is east and -y north, in metres."""
+    environment = Environment(
+        loader=PackageLoader(PACKAGE, "files"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=True,
+    )
+    template = environment.get_template("page.html.j2")
+    return template.render(
+        areas={name: spoken(name) for name in PICKING_AREAS},
+        loads=[load.value for load in Load],
+        box=f"{-MARGIN_M} {-DEPTH_M - MARGIN_M} {LENGTH_M + 2 * MARGIN_M} {DEPTH_M + 2 * MARGIN_M}",
+        shelves=[_points(box) for box in FIXED],
+        places=[_points(Box(place, CONTAINER_M, CONTAINER_M)) for area in AREAS.values() for place in area.places],
+        stands=[_stand(name, stand) for name, stand in named_stands().items() if "_pose_" in name or "_" not in name],
+        names=[(spoken(area.name), *_at(_label(area))) for area in AREAS.values()],
+        body=(BODY_BACK_M, -BODY_WIDTH_M / 2, BODY_FRONT_M - BODY_BACK_M, BODY_WIDTH_M),
+        fork=(FORK_TIP_M, -FORK_WIDTH_M / 2, BODY_BACK_M - FORK_TIP_M, FORK_WIDTH_M),
+        container=(-CONTAINER_M / 2, CONTAINER_M),
+        person_radius=PERSON_RADIUS_M,
+    )
+
+
+def spoken(name: str) -> str:
+    """Return a name of the map as people say it."""
+    return name.replace("_", " ").capitalize()
+
+
+def _label(area: Area) -> Pose2D:
+    """Return where in its recess an area has its name: between the places of containers, or beside the only one."""
+    first, last = area.places[0], area.places[-1]
+    y_m = (first.y_m + last.y_m) / 2 if len(area.places) > 1 else first.y_m + LABEL_M
+    return Pose2D(first.x_m + 0.2, y_m)
+
+
+def _points(box: Box) -> str:
+    return _joined([(x_m, -y_m) for x_m, y_m in box.corners()])
+
+
+def _joined(points: Sequence[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+
+
+def _at(stand: Pose2D) -> tuple[float, float]:
+    return round(stand.x_m, 3), round(-stand.y_m, 3)
+
+
+def _stand(name: str, stand: Pose2D) -> tuple[str, float, float, float]:
+    """Return the label, place and angle of a pose that has a name."""
+    label = name.rpartition("_")[2] if "_pose_" in name else spoken(name)
+    return (label, *_at(stand), round(-degrees(stand.heading_rad), 1))

@@ -1,0 +1,98 @@
+"""The page's server: on this machine only, in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Sequence
+from threading import Thread
+from typing import Self
+
+import uvicorn
+
+from codra_dsl.runtime import VariableModel
+from codra_papers.store.page.app import PageApp
+from codra_papers.store.page.desk import Desk
+from codra_papers.store.page.feed import Feed
+from codra_papers.store.page.view import shown_of
+from codra_papers.store.simulator.store import Store
+
+HOST = "127.0.0.1"
+MOST_CONNECTIONS = 128
+MOST_HEADER_BYTES = 16_384
+ENDING_S = 1
+"""So long requests under way may take when the run is over."""
+
+
+class PageServer:
+    """Serves the page while a shop is open; made and closed by the thread in which the shop's time passes.
+
+    Attributes:
+        url: of the page.
+        desk: to be served by the simulation, again and again.
+    """
+
+    def __init__(self, store: Store, *, port: int = 0, variables: Sequence[VariableModel] = ()) -> None:
+        """Begin to serve.
+
+        Args:
+            store: whose graph is shown.
+            port: at which; 0 for one that is free.
+            variables: of the context manager to which the graph belongs, if it belongs to one.
+
+        Raises:
+            OSError: if the port is taken.
+        """
+        self._socket = socket.create_server((HOST, port), backlog=MOST_CONNECTIONS)
+        self.port: int = self._socket.getsockname()[1]
+        self.url = f"http://{HOST}:{self.port}/"
+        self.desk = Desk()
+        self._feed = Feed(store.knowledge, shown_of(store.knowledge.model, variables))
+        self._app = PageApp(store.knowledge, store.page, self._feed, self.desk, self.port)
+        self._server = uvicorn.Server(_settings(self._app))
+        self._thread = Thread(target=self._run, name="codra-page", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the page: streams end, and who waits is told."""
+        self.desk.close()
+        self._server.should_exit = True
+        self._thread.join()
+        self._feed.close()
+        self._socket.close()
+
+    def _run(self) -> None:
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
+        ending = asyncio.create_task(self._end())
+        await self._server.serve(sockets=[self._socket])
+        ending.cancel()
+
+    async def _end(self) -> None:
+        while not self._server.should_exit:
+            await asyncio.sleep(0.1)
+        self._app.end()
+
+
+def _settings(app: PageApp) -> uvicorn.Config:
+    return uvicorn.Config(
+        app.asgi,
+        http="h11",
+        ws="none",
+        lifespan="on",
+        log_config=None,
+        log_level="error",
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        limit_concurrency=MOST_CONNECTIONS,
+        h11_max_incomplete_event_size=MOST_HEADER_BYTES,
+        timeout_graceful_shutdown=ENDING_S,
+    )

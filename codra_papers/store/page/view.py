@@ -1,0 +1,206 @@
+"""What a snapshot of the graph looks like to people: plain values, as JSON has them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from math import isfinite
+from typing import Any
+
+from codra_dsl.runtime import Reading, ValueType, VariableModel
+from codra_dsl.runtime.geometry import FrameError
+from codra_dsl.runtime.knowledge import Knowledge, KnowledgeModel, Phase, Refusal, Snapshot, nodes_of_variables
+from codra_papers.store.knowledge import stand_of
+
+View = Mapping[str, Any]
+
+ANALYST = "analysis"
+"""The agent that writes metrics, weights and rates."""
+
+ADAPTER = "adaptation"
+"""The agent that writes courses and parameters."""
+
+WEIGHT = "weight_of_"
+"""How the name of a weight begins; the name of its action follows."""
+
+MOST_ORDERS = 12
+MOST_REFUSALS = 5
+
+
+class Part(StrEnum):
+    """What an attribute is to the reader of the page."""
+
+    READING = "readings"
+    METRIC = "metrics"
+    WEIGHT = "weights"
+    COURSE = "courses"
+    PARAMETER = "parameters"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """An attribute of a node that is there from the start.
+
+    Attributes:
+        label: for people.
+        sources: who may write it.
+    """
+
+    node: str
+    name: str
+    label: str
+    type: ValueType
+    sources: tuple[str, ...]
+
+    @property
+    def part(self) -> Part:
+        """Return where on the page it belongs: by who writes it, and of what type it is."""
+        if ANALYST in self.sources:
+            return Part.WEIGHT if self.name.startswith(WEIGHT) else Part.METRIC
+        if ADAPTER in self.sources:
+            return Part.COURSE if self.type.members else Part.PARAMETER
+        return Part.READING
+
+
+def shown_of(model: KnowledgeModel, variables: Sequence[VariableModel] = ()) -> tuple[Shown, ...]:
+    """Return what is shown: all attributes of the nodes that are there from the start, and all context-variables.
+
+    Args:
+        model: of the graph.
+        variables: of the context manager to which it belongs, if it belongs to one.
+    """
+    found: dict[tuple[str, str], Shown] = {}
+    types = {each.name: each.attributes for each in model.node_types}
+    for node in model.nodes:
+        for attribute in (*types.get(node.type, ()), *node.attributes):
+            found[node.name, attribute.name] = Shown(
+                node=node.name,
+                name=attribute.name,
+                label=_label(attribute.name, attribute.label),
+                type=attribute.type,
+                sources=tuple(writer.agent for writer in attribute.sources),
+            )
+    nodes = nodes_of_variables(model, variables)
+    for each in variables:
+        found[nodes[each.name], each.name] = Shown(
+            node=nodes[each.name],
+            name=each.name,
+            label=_label(each.name, each.label),
+            type=each.type,
+            sources=each.sources,
+        )
+    return tuple(found.values())
+
+
+def view_of(knowledge: Knowledge, shown: Sequence[Shown]) -> View:
+    """Return all that the page shows of the present."""
+    snapshot = knowledge.snapshot()
+    readings = [(each, snapshot.get(each.node, each.name)) for each in shown]
+    parts: dict[str, Any] = {
+        part.value: [_told(each, reading) for each, reading in readings if each.part is part] for part in Part
+    }
+    return {
+        "instant_s": _number(snapshot.instant_s),
+        "version": snapshot.version,
+        "robot": _placed(snapshot, "robot"),
+        "goal": _placed(snapshot, "goal"),
+        "people": [_placed(snapshot, node.name) for node in snapshot.nodes("person")],
+        "containers": [_container(snapshot, node.name) for node in snapshot.nodes("roll_container")],
+        "orders": [_order(snapshot, node.name) for node in snapshot.nodes("order")[-MOST_ORDERS:]],
+        "tasks": [_task(knowledge, snapshot, task.name) for task in knowledge.model.tasks],
+        "loop": list(_loop(knowledge.model, [reading for _, reading in readings])),
+        "refusals": [_refusal(each) for each in knowledge.refusals()[-MOST_REFUSALS:]],
+        **parts,
+    }
+
+
+def _label(name: str, label: str) -> str:
+    return label if label not in ("", name) else _spoken(name.removeprefix(WEIGHT))
+
+
+def _told(shown: Shown, reading: Reading[Any]) -> View:
+    value = reading.value if reading.known else None
+    return {
+        "name": f"{shown.node}.{shown.name}",
+        "label": shown.label,
+        "value": _number(value) if isinstance(value, float) else value,
+        "unit": shown.type.unit or "",
+        "reason": "" if reading.reason is None else _spoken(reading.reason),
+        "source": reading.source,
+        "sources": list(shown.sources),
+    }
+
+
+def _placed(snapshot: Snapshot, name: str) -> View | None:
+    """Return where a node stands on the floor; None if it was never placed."""
+    try:
+        transform = snapshot.transform("world", name)
+    except FrameError:
+        return None
+    stand = stand_of(transform.pose)
+    return {
+        "name": name,
+        "x_m": _number(stand.x_m),
+        "y_m": _number(stand.y_m),
+        "heading_rad": _number(stand.heading_rad),
+        "outcome": transform.outcome.name.lower(),
+    }
+
+
+def _container(snapshot: Snapshot, name: str) -> View | None:
+    placed = _placed(snapshot, name)
+    return None if placed is None else {**placed, "is_carried": snapshot.has_edge("robot", "carries", name)}
+
+
+def _order(snapshot: Snapshot, name: str) -> View:
+    kind, state = snapshot.get(name, "kind"), snapshot.get(name, "state")
+    return {
+        "name": name,
+        "kind": kind.value if kind.known else "",
+        "state": state.value if state.known else "",
+        "of_area": _target(snapshot, name, "of_area"),
+        "to_area": _target(snapshot, name, "to_area"),
+        "since_s": _number(snapshot.node(name).since_s),
+    }
+
+
+def _target(snapshot: Snapshot, order: str, edge: str) -> str:
+    return next((each.target for each in snapshot.edges(edge, origin=order)), "")
+
+
+def _task(knowledge: Knowledge, snapshot: Snapshot, name: str) -> View:
+    handover = snapshot.handover(name)
+    executor = next(task.by for task in knowledge.model.tasks if task.name == name)
+    return {
+        "name": name,
+        "by": executor,
+        "stage": "" if handover.stage is None else handover.stage.value,
+        "requester": handover.requester,
+        "outcome": handover.result or handover.reason,
+        "since_s": _number(handover.since_s),
+    }
+
+
+def _loop(model: KnowledgeModel, readings: Iterable[Reading[Any]]) -> Iterator[View]:
+    """Yield, by phase of the loop, its agents, and when the newest of what they wrote was so (P2, Figure 4)."""
+    newest: dict[str, float] = {}
+    for reading in readings:
+        newest[reading.source] = max(newest.get(reading.source, reading.evidence_s), reading.evidence_s)
+    for phase in Phase:
+        agents = [agent.name for agent in model.agents if agent.phase is phase]
+        wrote_s = max((newest[name] for name in agents if name in newest), default=float("-inf"))
+        yield {"phase": phase.value, "agents": agents, "wrote_s": _number(wrote_s)}
+
+
+def _refusal(refusal: Refusal) -> View:
+    return {"instant_s": _number(refusal.instant_s), "agent": refusal.agent, "why": refusal.why}
+
+
+def _number(value: float) -> float | None:
+    """Return a number as JSON can have it."""
+    return round(value, 3) if isfinite(value) else None
+
+
+def _spoken(name: str) -> str:
+    return name.replace("_", " ").capitalize()

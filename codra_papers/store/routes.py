@@ -1,0 +1,180 @@
+"""Ways through the shop on its map: where a round body has room, over a grid, by networkx's A*."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from math import ceil, hypot
+
+import networkx as nx
+import numpy as np
+
+from codra_papers.store.geometry import Disc, Floats, Point, Pose2D
+from codra_papers.store.layout import DEPTH_M, FIXED, LENGTH_M
+
+GRID_M = 0.2
+TURNING_ROOM_M = 0.9
+"""So far from all shelves the axle keeps where the robot may turn: its farthest corner is 0.83 m away."""
+
+LANE_M = 0.38
+"""Half the width that the robot needs where it goes straight on."""
+
+_ROUNDING_M = 1e-6
+_OFF_M = 0.01
+"""So far the robot may be off the grid's points where it has room to turn."""
+
+_REACH_M = 0.3
+"""So far from the grid a route may begin and end."""
+
+
+class NoRouteError(LookupError):
+    """There is no way from here to there that is wide enough."""
+
+
+_MIDDLES_M = np.array([box.centre.point_m for box in FIXED])
+_HALVES_M = np.array([(box.length_m / 2, box.width_m / 2) for box in FIXED])
+"""Of shelves and walls, which lie along the axes of the map."""
+
+
+def clearance_m(point_m: Point) -> float:
+    """Return how far a point is from the nearest shelf or wall: 0 inside of one."""
+    return float(clearances_m(np.array([point_m]))[0])
+
+
+def clearances_m(points_m: Floats) -> Floats:
+    """Return the same of many points, of shape (points, 2); shape (points,)."""
+    outside_m = np.maximum(np.abs(points_m[:, None, :] - _MIDDLES_M) - _HALVES_M, 0.0)
+    found: Floats = np.hypot(outside_m[..., 0], outside_m[..., 1]).min(axis=1)
+    return found
+
+
+def has_room(start_m: Point, end_m: Point, room_m: float) -> bool:
+    """Return whether all of a straight way keeps so far from shelves and walls, as far as 5 cm can tell."""
+    steps = max(1, ceil(hypot(end_m[0] - start_m[0], end_m[1] - start_m[1]) / 0.05))
+    shares = np.arange(steps + 1)[:, None] / steps
+    points = np.array(start_m) + (np.array(end_m) - np.array(start_m)) * shares
+    return bool((clearances_m(points) >= room_m - _ROUNDING_M).all())
+
+
+def route(start: Pose2D, goal: Pose2D, avoid: Sequence[Disc] = ()) -> tuple[Point, ...]:
+    """Return the points to drive through, from beside the start to the goal.
+
+    Where the robot has no room to turn, in a recess, it first goes straight on, or straight back.
+
+    Args:
+        start: where the robot stands.
+        goal: where it wants to go.
+        avoid: further places to keep away from by the room that turning takes.
+
+    Raises:
+        NoRouteError: if there is none.
+    """
+    grid = _grid() if not avoid else _without(avoid)
+    out_m, first = _way_out(start, grid, avoid)
+    last = _nearest(grid, goal.point_m)
+    if last is None:
+        raise NoRouteError(f"there is no room to turn at ({goal.x_m:.2f}, {goal.y_m:.2f})")
+    try:
+        found: list[Point] = nx.astar_path(grid, first, last, heuristic=_distance_m, weight="length_m")
+    except nx.NetworkXNoPath:
+        raise NoRouteError(f"there is no way from {start.point_m} to {goal.point_m}") from None
+    corners = _straightened(out_m, found, avoid)
+    beginning = () if out_m == start.point_m else (out_m,)
+    return (*beginning, *corners[:-1], goal.point_m)
+
+
+def _way_out(start: Pose2D, grid: nx.Graph[Point], avoid: Sequence[Disc]) -> tuple[Point, Point]:
+    """Return where the robot has room to turn, here, or straight ahead, or straight behind; and the grid's point there.
+
+    Raises:
+        NoRouteError: if there is none.
+    """
+    room_m = min(LANE_M, clearance_m(start.point_m))  # who stands nearer to a shelf goes no nearer
+    for sign in (1.0, -1.0):
+        for step in range(31):
+            end_m = start.out(sign * step * 0.1)
+            if not has_room(start.point_m, end_m, room_m) or _approaches(start.point_m, end_m, avoid):
+                break
+            node = _nearest(grid, end_m)
+            if node is not None and clearance_m(end_m) >= TURNING_ROOM_M - _OFF_M:
+                return end_m, node
+    raise NoRouteError(f"there is no room to turn near {start.point_m}")
+
+
+def _approaches(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a step leads near to what is to be avoided, and nearer than before."""
+    return any(
+        _distance_m(end_m, disc.centre_m) < min(_distance_m(start_m, disc.centre_m), disc.radius_m + LANE_M)
+        for disc in avoid
+    )
+
+
+@cache
+def _grid() -> nx.Graph[Point]:
+    """Return the free points of the grid, each joined to its neighbours."""
+    graph: nx.Graph[Point] = nx.Graph()
+    columns, rows = round(LENGTH_M / GRID_M), round(DEPTH_M / GRID_M)
+    places = [(column, row) for column in range(columns + 1) for row in range(rows + 1)]
+    rooms_m = clearances_m(np.array(places) * GRID_M)
+    for (column, row), room_m in zip(places, rooms_m.tolist(), strict=True):
+        if room_m < TURNING_ROOM_M - _ROUNDING_M:
+            continue
+        point = _grid_point(column, row)
+        graph.add_node(point)
+        for across, along in ((-1, 0), (0, -1), (-1, -1), (-1, 1)):
+            other = _grid_point(column + across, row + along)
+            if other in graph:
+                graph.add_edge(point, other, length_m=_distance_m(point, other))
+    return graph
+
+
+def _grid_point(column: int, row: int) -> Point:
+    return (round(column * GRID_M, 3), round(row * GRID_M, 3))
+
+
+def _without(avoid: Sequence[Disc]) -> nx.Graph[Point]:
+    grid = _grid()
+    return grid.subgraph([point for point in grid if not _is_near(point, avoid)])
+
+
+def _is_near(point: Point, avoid: Sequence[Disc]) -> bool:
+    return any(_distance_m(point, disc.centre_m) < disc.radius_m + TURNING_ROOM_M for disc in avoid)
+
+
+def _nearest(grid: nx.Graph[Point], point_m: Point) -> Point | None:
+    """Return the nearest point of the grid, if it is within reach."""
+    steps = range(-2, 3)
+    column, row = round(point_m[0] / GRID_M), round(point_m[1] / GRID_M)
+    around = [_grid_point(column + a, row + b) for a in steps for b in steps]
+    near = [node for node in around if node in grid and _distance_m(node, point_m) <= _REACH_M]
+    return min(near, key=lambda node: (_distance_m(node, point_m), node), default=None)
+
+
+def _straightened(start_m: Point, found: Sequence[Point], avoid: Sequence[Disc]) -> list[Point]:
+    """Return the corners of a way: from each point the farthest one that can be reached straight on."""
+    corners, at, index = list[Point](), start_m, 0
+    while index < len(found):
+        farthest = index
+        for candidate in range(len(found) - 1, index, -1):
+            if has_room(at, found[candidate], TURNING_ROOM_M) and not _passes(at, found[candidate], avoid):
+                farthest = candidate
+                break
+        at, index = found[farthest], farthest + 1
+        corners.append(at)
+    return corners
+
+
+def _passes(start_m: Point, end_m: Point, avoid: Sequence[Disc]) -> bool:
+    """Return whether a straight way comes nearer to what is to be avoided than turning takes."""
+    length_m = _distance_m(start_m, end_m) or 1.0
+    along = ((end_m[0] - start_m[0]) / length_m, (end_m[1] - start_m[1]) / length_m)
+    for disc in avoid:
+        dx, dy = disc.centre_m[0] - start_m[0], disc.centre_m[1] - start_m[1]
+        reached_m = min(max(dx * along[0] + dy * along[1], 0.0), length_m)
+        if hypot(dx - along[0] * reached_m, dy - along[1] * reached_m) < disc.radius_m + TURNING_ROOM_M:
+            return True
+    return False
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

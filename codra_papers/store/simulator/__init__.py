@@ -1,0 +1,1 @@
+"""The simulated store: the robot's body, people, sensors, and ground truth."""

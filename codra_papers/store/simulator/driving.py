@@ -1,0 +1,319 @@
+"""The robot's own motion layer: it follows commands, and its safety lasers slow and stop it whatever the command says.
+
+It drives by what it believes of its pose, as a real one does; where it truly goes is the world's matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
+
+import numpy as np
+
+from codra_papers.store.body import FRONT, Done, Lift, Outcome, Scan, Side, Way
+from codra_papers.store.geometry import Floats, Point, Pose2D, wrapped
+from codra_papers.store.layout import BODY_FRONT_M, FORK_TIP_M, REACH_M
+from codra_papers.store.unmapped_obstacles import PLACES_M, bodies_m, gaps_m, is_seen_through, is_strange
+
+DEFAULT_MAX_SPEED_M_S = 1.0
+BACKWARD_M_S = 0.3
+TURN_RAD_S = 0.7
+SPEED_UP_M_S2 = 0.5
+SLOW_DOWN_M_S2 = 0.6
+"""How hard it brakes when it knows in time where to stop."""
+
+BRAKE_M_S2 = 1.6
+"""How hard it brakes when it must."""
+
+TURN_UP_RAD_S2 = 1.5
+KEEP_FREE_M = 0.35
+"""It stops so far from what stands in its lane."""
+
+KEEP_FREE_BEHIND_M = 0.05
+"""The same backwards, where it crawls: behind a container that it fetches there may be a shelf."""
+
+LANE_M = 0.42
+"""Half the lane that must be free for its body, or a container on its fork."""
+
+FORK_LANE_M = 0.15
+"""Half the lane that must be free for its empty fork: a container's wheels stand beside it."""
+
+TOUCH_M = 0.03
+"""No motion brings the robot so near to a body that lasers show a part of, unless it leads away from it."""
+
+FORESEEN_S = 0.5
+"""So far a motion is followed to see whether it does; it takes less to stop."""
+
+PATIENCE_S = 8.0
+"""How long it stands before something in its way until it gives up."""
+
+FREED = 3.0
+"""So many times as fast it forgets, while its way is free, that something was in it."""
+
+LIFT_S = 3.0
+_EDGE_M = 0.02
+_ROUNDING = 1e-9
+TURN_ON_SPOT_ABOVE_RAD = 0.2
+CLOSE_M, CLOSE_RAD = 0.015, 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Senses:
+    """What the motion layer has to go by in one step.
+
+    Attributes:
+        believed: where it believes it stands.
+        scan: asks for the latest turn of a laser.
+    """
+
+    believed: Pose2D
+    speed_m_s: float
+    turn_rate_rad_s: float
+    is_loaded: bool
+    scan: Callable[[Side], Scan]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wish:
+    """How fast a command would go if it could."""
+
+    speed_m_s: float = 0.0
+    turn_rate_rad_s: float = 0.0
+
+
+@dataclass(slots=True)
+class Drive:
+    """From point to point; forward it turns on the spot where the next point lies aside."""
+
+    points_m: Sequence[Point]
+    way: Way
+    done: Done
+    _index: int = 0
+
+    def wish(self, senses: Senses, max_speed_m_s: float) -> Wish | None:
+        """Return how fast to go; None once it is there."""
+        while self._index < len(self.points_m):
+            wish = self._towards(self.points_m[self._index], senses, max_speed_m_s)
+            if wish is not None:
+                return wish
+            self._index += 1
+        return None
+
+    def _towards(self, point_m: Point, senses: Senses, max_speed_m_s: float) -> Wish | None:
+        ahead_m, left_m = senses.believed.seen_from_here(point_m)
+        sign = 1.0 if self.way is Way.FORWARD else -1.0
+        distance_m = hypot(ahead_m, left_m)
+        off_rad = wrapped(atan2(left_m, ahead_m) - (0.0 if sign > 0 else pi))
+        remaining_m = sign * ahead_m
+        if distance_m < CLOSE_M or (remaining_m <= CLOSE_M and (distance_m < 0.1 or sign < 0)):
+            return None
+        if sign > 0 and abs(off_rad) > TURN_ON_SPOT_ABOVE_RAD:
+            return Wish(turn_rate_rad_s=_turn_towards(off_rad)) if abs(senses.speed_m_s) < 0.05 else Wish()
+        limit_m_s = max_speed_m_s if sign > 0 else min(max_speed_m_s, BACKWARD_M_S)
+        steer_rad_s = max(-0.5, min(0.5, 1.5 * off_rad)) if distance_m > 0.15 else 0.0
+        speed_m_s = min(limit_m_s, sqrt(2 * SLOW_DOWN_M_S2 * max(remaining_m, 0.0)) + 0.01)
+        return Wish(speed_m_s=sign * speed_m_s, turn_rate_rad_s=steer_rad_s)
+
+
+@dataclass(slots=True)
+class Turn:
+    """On the spot, to a heading, the way round that was asked for."""
+
+    angle_rad: float
+    done: Done
+    _last_rad: float | None = None
+    _left_rad: float = field(default=0.0)
+
+    def wish(self, senses: Senses, _max_speed_m_s: float) -> Wish | None:
+        """Return how fast to turn; None once it is there."""
+        heading_rad = senses.believed.heading_rad
+        if self._last_rad is None:
+            self._left_rad = self.angle_rad
+        else:
+            self._left_rad -= wrapped(heading_rad - self._last_rad)
+        self._last_rad = heading_rad
+        if abs(self._left_rad) < CLOSE_RAD:
+            return None
+        return Wish(turn_rate_rad_s=_turn_towards(self._left_rad))
+
+
+@dataclass(slots=True)
+class Raise:
+    """The fork, up or down."""
+
+    lift: Lift
+    done: Done
+    _steps: int = 0
+
+    def wish(self, senses: Senses, _max_speed_m_s: float) -> Wish | None:
+        """Return that it stands; None once the fork has moved."""
+        if abs(senses.speed_m_s) > 0.0 or abs(senses.turn_rate_rad_s) > 0.0:
+            return Wish()
+        self._steps += 1
+        return Wish() if self._steps < LIFT_S * STEPS_PER_S else None
+
+
+STEPS_PER_S = 10
+STEP_S = 1 / STEPS_PER_S
+"""The shop, and the motion layer in it, go on in steps of this length."""
+
+Command = Drive | Turn | Raise
+
+
+class Driving:
+    """Follows one command at a time.
+
+    Attributes:
+        max_speed_m_s: no point of the robot goes faster than this: where it turns, its corners do.
+        ended: commands that have ended, with what became of them, until they are told.
+    """
+
+    def __init__(self) -> None:
+        """Stand still."""
+        self.max_speed_m_s = DEFAULT_MAX_SPEED_M_S
+        self.ended: list[tuple[Command, Outcome]] = []
+        self._command: Command | None = None
+        self._blocked_s = 0.0
+
+    @property
+    def is_at_work(self) -> bool:
+        """Return whether a command is under way."""
+        return self._command is not None
+
+    def begin(self, command: Command) -> None:
+        """Follow another command; one that is under way ends as stopped."""
+        self.end(Outcome.STOPPED)
+        self._command, self._blocked_s = command, 0.0
+
+    def stop(self, command: Command) -> None:
+        """End a command as stopped, if it is the one under way."""
+        if self._command is command:
+            self.end(Outcome.STOPPED)
+
+    def end(self, outcome: Outcome) -> None:
+        """End the command that is under way, if there is one."""
+        if self._command is not None:
+            self.ended.append((self._command, outcome))
+            self._command = None
+
+    def step(self, senses: Senses) -> Wish:
+        """Return how fast to go and to turn during the next step."""
+        wish = self._wish(senses)
+        free = _limited(_freed(wish, senses), self.max_speed_m_s)
+        if wish != Wish() and free == Wish():
+            self._blocked_s += STEP_S
+            if self._blocked_s >= PATIENCE_S:
+                self.end(Outcome.BLOCKED)
+        else:  # now and then noise lets what is just too near seem free
+            self._blocked_s = max(self._blocked_s - FREED * STEP_S, 0.0)
+        return Wish(
+            speed_m_s=_nearer(senses.speed_m_s, free.speed_m_s, SPEED_UP_M_S2, BRAKE_M_S2),
+            turn_rate_rad_s=_nearer(senses.turn_rate_rad_s, free.turn_rate_rad_s, TURN_UP_RAD_S2, 4.0),
+        )
+
+    def _wish(self, senses: Senses) -> Wish:
+        if self._command is None:
+            return Wish()
+        wish = self._command.wish(senses, self.max_speed_m_s)
+        if wish is None:
+            self.end(Outcome.DONE)
+            return Wish()
+        return wish
+
+
+def _turn_towards(angle_rad: float) -> float:
+    limit = min(TURN_RAD_S, sqrt(2 * abs(angle_rad)) * 0.8, abs(angle_rad) / (2 * STEP_S))
+    return limit if angle_rad > 0 else -limit
+
+
+def _nearer(now: float, wish: float, faster: float, slower: float) -> float:
+    """Return the speed after one step from `now` towards `wish`."""
+    rate = faster if abs(wish) > abs(now) and wish * now >= 0.0 else slower
+    change = max(-rate * STEP_S, min(rate * STEP_S, wish - now))
+    return now + change
+
+
+def _freed(wish: Wish, senses: Senses) -> Wish:
+    """Return as much of a wish as the safety lasers allow: the lane must be free, and nobody may be touched."""
+    free = _in_lane(wish, senses)
+    return Wish() if free != Wish() and _touches(free, senses) else free
+
+
+def _in_lane(wish: Wish, senses: Senses) -> Wish:
+    if wish.speed_m_s == 0.0:
+        is_turning_free = wish.turn_rate_rad_s == 0.0 or _room_to_turn(senses)
+        return wish if is_turning_free else Wish()
+    sign = 1.0 if wish.speed_m_s > 0 else -1.0
+    gap_m = free_ahead_m(senses) if sign > 0 else free_behind_m(senses)
+    keep_m = KEEP_FREE_M if sign > 0 else KEEP_FREE_BEHIND_M
+    limit_m_s = sqrt(2 * SLOW_DOWN_M_S2 * max(gap_m - keep_m, 0.0))
+    if limit_m_s < 0.02:
+        return Wish()
+    return Wish(speed_m_s=sign * min(abs(wish.speed_m_s), limit_m_s), turn_rate_rad_s=wish.turn_rate_rad_s)
+
+
+def _touches(wish: Wish, senses: Senses) -> bool:
+    """Return whether a motion brings any part of the robot too near to somebody, and nearer than it is.
+
+    Its fork and what is on it swing out where it turns, and its body is wider than its fork where it backs up.
+    """
+    return any(_touches_before(senses.scan(side), wish, senses) for side in Side)
+
+
+def _touches_before(scan: Scan, wish: Wish, senses: Senses) -> bool:
+    """Return the same of bodies of which one laser meets the near side."""
+    bodies, met = bodies_m(scan), scan.points_m()
+    now_m = gaps_m(bodies, is_loaded=senses.is_loaded)
+    is_near = now_m < TOUCH_M + FORESEEN_S * _fastest_m_s(wish)
+    bodies, met, now_m = bodies[is_near], met[is_near], now_m[is_near]
+    is_touched = np.zeros(len(bodies), dtype=bool)
+    for step in range(1, round(FORESEEN_S / STEP_S) + 1):
+        then_m = gaps_m(_seen_from(_moved(wish, step * STEP_S), bodies), is_loaded=senses.is_loaded)
+        is_touched |= (then_m < TOUCH_M) & (then_m < now_m - _ROUNDING)
+    is_touched[is_touched] = is_strange(met[is_touched], senses.believed, PLACES_M)
+    return bool(is_touched.any()) and not is_seen_through(scan, bodies[is_touched]).all()
+
+
+def _moved(wish: Wish, duration_s: float) -> Pose2D:
+    """Return where a motion leads, from where the robot is."""
+    turn_rad, length_m = wish.turn_rate_rad_s * duration_s, wish.speed_m_s * duration_s
+    return Pose2D(length_m * cos(turn_rad / 2), length_m * sin(turn_rad / 2), turn_rad)
+
+
+def _seen_from(there: Pose2D, points_m: Floats) -> Floats:
+    east, north = cos(there.heading_rad), sin(there.heading_rad)
+    seen: Floats = (points_m - there.point_m) @ np.array([[east, -north], [north, east]])
+    return seen
+
+
+def _limited(wish: Wish, max_speed_m_s: float) -> Wish:
+    """Return a wish on the same curve with which no point of the robot goes faster than it may."""
+    fastest_m_s = _fastest_m_s(wish)
+    if fastest_m_s < max_speed_m_s:
+        return wish
+    share = max_speed_m_s / fastest_m_s * (1.0 - _ROUNDING)
+    return Wish(speed_m_s=wish.speed_m_s * share, turn_rate_rad_s=wish.turn_rate_rad_s * share)
+
+
+def _fastest_m_s(wish: Wish) -> float:
+    return abs(wish.speed_m_s) + abs(wish.turn_rate_rad_s) * REACH_M
+
+
+def free_ahead_m(senses: Senses) -> float:
+    """Return how far the lane before the robot's front is free."""
+    points = np.concatenate([senses.scan(side).points_m() for side in FRONT])
+    gaps = points[np.abs(points[:, 1]) <= LANE_M, 0] - BODY_FRONT_M
+    return float(gaps[gaps >= -_EDGE_M].min(initial=inf))
+
+
+def free_behind_m(senses: Senses) -> float:
+    """Return how far the lane behind the tip of its fork is free."""
+    points = senses.scan(Side.BACK).points_m()
+    gaps = FORK_TIP_M - points[np.abs(points[:, 1]) <= (LANE_M if senses.is_loaded else FORK_LANE_M), 0]
+    return float(gaps[gaps >= -_EDGE_M].min(initial=inf))
+
+
+def _room_to_turn(senses: Senses) -> bool:
+    points = np.concatenate([senses.scan(side).points_m() for side in Side])
+    return bool((np.hypot(points[:, 0], points[:, 1]) > REACH_M).all())

@@ -1,0 +1,205 @@
+"""People in the shop: they walk along the corridors, stop before shelves, and step round the robot alone.
+
+Each person has a random source of its own, so that one more person changes nothing for the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from itertools import pairwise
+from math import atan2, cos, hypot, sin
+from random import Random
+
+import networkx as nx
+
+from codra_papers.store.geometry import Disc, Point
+from codra_papers.store.layout import BACK_Y_M, CORRIDORS_X_M, FRONT_Y_M
+from codra_papers.store.routes import clearance_m
+
+PERSON_RADIUS_M = 0.25
+KEEP_OFF_M = 0.3
+"""Nobody walks nearer than this, from the middle of the body, to the robot."""
+
+KEEP_RIGHT_M = 0.7
+"""So far to the right of the middle of a corridor people walk."""
+
+PATIENCE_S = 4.0
+"""How long the robot may be in one's way before one turns round."""
+
+ASIDE_RAD = (-0.5, 0.5, -1.0, 1.0, -1.4, 1.4)
+"""How far aside one steps to get past the robot: to the right first."""
+
+AVOID_M = 2.5
+"""Who turns round keeps so far from where the robot was in the way, as far as there is another way."""
+
+Plan = Iterator[tuple[Point, float]]
+"""Points to walk to, and how long to stand there, in seconds."""
+
+
+class Person:
+    """Somebody who walks.
+
+    Attributes:
+        at_m: the middle of the body.
+        speed_m_s: while walking.
+    """
+
+    def __init__(self, name: str, at_m: Point, speed_m_s: float, plan: Callable[[Point, Point | None], Plan]) -> None:
+        """Begin to walk.
+
+        Args:
+            name: of the person.
+            at_m: where the person is.
+            speed_m_s: how fast the person walks.
+            plan: where to go from a point; asked again, with the point where the robot is in the way, when the person
+                turns round.
+        """
+        self.name = name
+        self.at_m = at_m
+        self.speed_m_s = speed_m_s
+        self._make_plan = plan
+        self._plan = plan(at_m, None)
+        self._goal, self._stay_s = next(self._plan)
+        self._waited_s = 0.0
+
+    def disc(self) -> Disc:
+        """Return the space that the person takes."""
+        return Disc(self.at_m, PERSON_RADIUS_M)
+
+    def step(self, duration_s: float, distance_to_robot_m: Callable[[Point], float]) -> None:
+        """Walk on; where the robot is in the way, round it as far as there is room, else wait."""
+        left_m = _distance_m(self.at_m, self._goal)
+        if left_m < 1e-9:
+            self._stand(duration_s)
+            return
+        step_m = min(self.speed_m_s * duration_s, left_m)
+        there = _towards(self.at_m, self._goal, step_m)
+        if self._may_go(there, distance_to_robot_m):
+            self.at_m, self._waited_s = there, 0.0
+            return
+        aside = self._aside(step_m, distance_to_robot_m)
+        if aside is not None:
+            self.at_m = aside
+        self._wait(duration_s, there)
+
+    def _may_go(self, there: Point, distance_to_robot_m: Callable[[Point], float]) -> bool:
+        gap_m = distance_to_robot_m(there)
+        return gap_m >= KEEP_OFF_M or gap_m >= distance_to_robot_m(self.at_m)
+
+    def _aside(self, step_m: float, distance_to_robot_m: Callable[[Point], float]) -> Point | None:
+        """Return a step past the robot that leads nearer to the goal, and not into a shelf."""
+        along_rad = atan2(self._goal[1] - self.at_m[1], self._goal[0] - self.at_m[0])
+        for turn_rad in ASIDE_RAD:
+            there = (
+                self.at_m[0] + cos(along_rad + turn_rad) * step_m,
+                self.at_m[1] + sin(along_rad + turn_rad) * step_m,
+            )
+            if self._may_go(there, distance_to_robot_m) and clearance_m(there) >= PERSON_RADIUS_M:
+                return there
+        return None
+
+    def _stand(self, duration_s: float) -> None:
+        self._stay_s -= duration_s
+        if self._stay_s <= 0.0:
+            self._goal, self._stay_s = next(self._plan)
+
+    def _wait(self, duration_s: float, blocked_m: Point) -> None:
+        self._waited_s += duration_s
+        if self._waited_s >= PATIENCE_S:
+            self._waited_s = 0.0
+            self._plan = self._make_plan(self.at_m, blocked_m)
+            self._goal, self._stay_s = next(self._plan)
+
+
+def shopper(seed: int, number: int) -> Person:
+    """Return somebody who walks from shelf to shelf for ever."""
+    random = Random(f"{seed} person {number}")
+    x_m, y_m = random.choice(CORRIDORS_X_M), random.uniform(4.5, 12.5)
+    return Person(f"person {number}", (x_m + KEEP_RIGHT_M, y_m), random.uniform(0.6, 1.3), _Shopping(random))
+
+
+def crossing(at_m: Point, ends_m: Sequence[Point], times: int, leave_to_m: Point) -> Person:
+    """Return somebody who comes to a place, crosses it again and again, and leaves.
+
+    Whoever is in the way makes the person turn back, which is one crossing less.
+    """
+    left = iter([ends_m[index % len(ends_m)] for index in range(times)])
+
+    def plan(_: Point, __: Point | None) -> Plan:
+        for end in left:
+            yield end, 1.0
+        while True:
+            yield leave_to_m, 3600.0
+
+    return Person("visitor", at_m, 1.0, plan)
+
+
+class _Shopping:
+    """Plans of one shopper, all from one random source."""
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+
+    def __call__(self, at_m: Point, blocked_m: Point | None) -> Plan:
+        graph = _corridors() if blocked_m is None else _without(blocked_m)
+        node = min(graph, key=lambda each: (_is_beyond(at_m, blocked_m, each), _distance_m(each, at_m), each))
+        yield _beside(node, at_m), 0.0
+        while True:
+            goal = (self._random.choice(CORRIDORS_X_M), self._random.choice((6.5, 8.5, 10.5)))
+            way: list[Point] = nx.shortest_path(_corridors(), node, goal, weight="length_m")
+            for before, after in pairwise(way):
+                yield _kept_right(before, after, before), 0.0
+                yield _kept_right(before, after, after), 0.0
+            node = goal
+            if len(way) > 1:
+                yield _kept_right(way[-2], goal, goal), self._random.uniform(3.0, 25.0)
+            else:
+                yield (goal[0] + KEEP_RIGHT_M, goal[1]), self._random.uniform(3.0, 25.0)
+
+
+def _without(blocked_m: Point) -> nx.Graph[Point]:
+    graph = _corridors()
+    return graph.subgraph([node for node in graph if _distance_m(node, blocked_m) > AVOID_M])
+
+
+def _is_beyond(at_m: Point, blocked_m: Point | None, node: Point) -> bool:
+    """Return whether one would have to go on past what is in the way, instead of turning round."""
+    if blocked_m is None:
+        return False
+    ahead = (blocked_m[0] - at_m[0], blocked_m[1] - at_m[1])
+    return ahead[0] * (node[0] - at_m[0]) + ahead[1] * (node[1] - at_m[1]) > 0.0
+
+
+def _beside(node: Point, at_m: Point) -> Point:
+    """Return the point beside a corner that one comes to straight on."""
+    along_rad = atan2(node[1] - at_m[1], node[0] - at_m[0])
+    return (node[0] + sin(along_rad) * KEEP_RIGHT_M, node[1] - cos(along_rad) * KEEP_RIGHT_M)
+
+
+@cache
+def _corridors() -> nx.Graph[Point]:
+    """Return where corridors meet, and points in them, joined along their middles."""
+    graph: nx.Graph[Point] = nx.Graph()
+    for x_m in CORRIDORS_X_M:
+        nx.add_path(graph, [(x_m, y_m) for y_m in (FRONT_Y_M, 6.5, 8.5, 10.5, BACK_Y_M)])
+    for y_m in (FRONT_Y_M, BACK_Y_M):
+        nx.add_path(graph, [(x_m, y_m) for x_m in CORRIDORS_X_M])
+    for one, other in graph.edges:
+        graph.edges[one, other]["length_m"] = _distance_m(one, other)
+    return graph
+
+
+def _kept_right(start: Point, end: Point, point: Point) -> Point:
+    """Return a point to the right of one that lies on the middle of a corridor."""
+    along_rad = atan2(end[1] - start[1], end[0] - start[0])
+    return (point[0] + sin(along_rad) * KEEP_RIGHT_M, point[1] - cos(along_rad) * KEEP_RIGHT_M)
+
+
+def _towards(start: Point, end: Point, length_m: float) -> Point:
+    share = length_m / _distance_m(start, end)
+    return (start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share)
+
+
+def _distance_m(a: Point, b: Point) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

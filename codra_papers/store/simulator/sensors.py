@@ -1,0 +1,170 @@
+"""What the robot's sensors give of an instant: a function of the seed, the sensor and the state, whoever asks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import atan2, hypot, pi, radians, sin
+from random import Random
+
+import numpy as np
+from numpy.random import default_rng
+
+from codra_papers.store.body import (
+    CAMERA_AT,
+    CAMERA_FARTHEST_M,
+    CAMERA_NEAREST_M,
+    CAMERA_VIEW_RAD,
+    LASERS_AT,
+    STEADY_BELOW_RAD_S,
+    Picture,
+    Scan,
+    Seen,
+    Side,
+    Sighting,
+)
+from codra_papers.store.geometry import Box, Disc, Floats, Pose2D, Scene, wrapped
+from codra_papers.store.simulator.people import PERSON_RADIUS_M
+from codra_papers.store.simulator.state import SHELL, StoreState
+
+LASER_FARTHEST_M = 10.0
+LASER_NOISE_M = 0.01
+LASER_RAYS = {Side.FRONT_LEFT: 96, Side.FRONT_RIGHT: 96, Side.BACK: 191}
+"""A ray every two degrees in front; every degree behind, where it is to see wheels."""
+
+LASER_VIEW_RAD = radians(190.0)
+_BEARINGS_RAD = {side: np.linspace(-LASER_VIEW_RAD / 2, LASER_VIEW_RAD / 2, rays) for side, rays in LASER_RAYS.items()}
+
+SMALLEST_SHARE = 0.35
+"""Less of a thing in sight is never recognised."""
+
+RAYS_PER_THING = 9
+
+LOCALISATION_M = 0.015
+"""How far each of the two slow waves of the localisation's error goes, along each axis."""
+
+
+def scan(seed: int, state: StoreState, side: Side) -> Scan:
+    """Return one turn of a laser: the distance to what it meets, with noise of a centimetre."""
+    mount = LASERS_AT[side]
+    eye = Pose2D(*state.robot.at.out(mount.x_m, mount.y_m), state.robot.at.heading_rad + mount.heading_rad)
+    rays, bearings = LASER_RAYS[side], _BEARINGS_RAD[side]
+    ranges = _ranges_m(_moving(state, side), eye, bearings, LASER_FARTHEST_M)
+    entropy = (abs(seed), list(Side).index(side), state.step)
+    chance = default_rng(entropy if seed >= 0 else (*entropy, 1))  # which takes no negative numbers
+    noise = chance.normal(0.0, LASER_NOISE_M, rays)
+    noisy = np.where(ranges < LASER_FARTHEST_M, np.clip(ranges + noise, 0.0, LASER_FARTHEST_M), LASER_FARTHEST_M)
+    return Scan(
+        instant_s=state.instant_s, mount=mount, bearings_rad=bearings, ranges_m=noisy, farthest_m=LASER_FARTHEST_M
+    )
+
+
+def picture(seed: int, state: StoreState) -> Picture:
+    """Return what a detector finds in the camera's picture: less of what is far or half hidden, and with noise."""
+    is_steady = abs(state.robot.turn_rate_rad_s) < STEADY_BELOW_RAD_S
+    found = tuple(_sightings(seed, state)) if is_steady else ()
+    return Picture(instant_s=state.instant_s, is_steady=is_steady, sightings=found)
+
+
+def visible_share(state: StoreState, thing: Box | Disc) -> float:
+    """Return how much of the breadth of a thing the camera sees: inside its view, and with nothing before it."""
+    eye = _camera(state)
+    centre = thing.centre_m if isinstance(thing, Disc) else thing.centre.point_m
+    if not CAMERA_NEAREST_M < hypot(centre[0] - eye.x_m, centre[1] - eye.y_m) < CAMERA_FARTHEST_M:
+        return 0.0
+    bearings = np.array(_bearings(eye, thing))
+    is_inside = np.abs(bearings) <= CAMERA_VIEW_RAD / 2
+    rays = bearings + eye.heading_rad
+    own = Scene((), (thing,)) if isinstance(thing, Disc) else Scene((thing,))
+    own_m = own.ranges_m(eye.point_m, rays, CAMERA_FARTHEST_M + 1.0)
+    others_m = _ranges_m(_others(state, thing), eye, bearings, CAMERA_FARTHEST_M + 2.0)
+    return float((is_inside & (own_m < others_m)).mean())
+
+
+def believed(seed: int, state: StoreState) -> Pose2D:
+    """Return where the localisation says the robot stands: slow waves of some centimetres around the truth."""
+    at, waves = state.robot.at, _waves(seed)
+    x_m, y_m, turn = (
+        sum(size * sin(2 * pi * state.instant_s / period + phase) for period, phase, size in axis) for axis in waves
+    )
+    return Pose2D(at.x_m + x_m, at.y_m + y_m, wrapped(at.heading_rad + turn))
+
+
+def _waves(seed: int) -> list[list[tuple[float, float, float]]]:
+    random = Random(f"{seed} localisation")
+    sizes = (LOCALISATION_M, LOCALISATION_M, 0.005)
+    return [[(random.uniform(60.0, 400.0), random.uniform(0.0, 2 * pi), size) for _ in range(2)] for size in sizes]
+
+
+def _moving(state: StoreState, side: Side) -> Scene:
+    """Return what a laser can meet besides the map: of containers frames in front, wheels near the floor behind."""
+    discs = [Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m]
+    standing = state.standing()
+    if side is not Side.BACK:
+        return Scene([each.box() for each in standing], discs)
+    return Scene([], [*discs, *(wheel for each in standing for wheel in each.wheels())])
+
+
+def _ranges_m(moving: Scene, eye: Pose2D, bearings_rad: Floats, farthest_m: float) -> Floats:
+    """Return how far rays go before they meet a shelf, a wall, or what moves; shape (rays,)."""
+    rays = bearings_rad + eye.heading_rad
+    found: Floats = np.minimum(
+        SHELL.ranges_m(eye.point_m, rays, farthest_m), moving.ranges_m(eye.point_m, rays, farthest_m)
+    )
+    return found
+
+
+def _camera(state: StoreState) -> Pose2D:
+    at = state.robot.at
+    return Pose2D(*at.out(CAMERA_AT.x_m, CAMERA_AT.y_m), at.heading_rad)
+
+
+def _bearings(eye: Pose2D, thing: Box | Disc) -> list[float]:
+    """Return directions, from the eye's heading, that divide the breadth of a thing evenly."""
+    if isinstance(thing, Disc):
+        ahead_m, left_m = eye.seen_from_here(thing.centre_m)
+        middle, half = atan2(left_m, ahead_m), atan2(thing.radius_m, hypot(ahead_m, left_m))
+        low, high = middle - half, middle + half
+    else:
+        middle = atan2(*reversed(eye.seen_from_here(thing.centre.point_m)))
+        offsets = [wrapped(atan2(*reversed(eye.seen_from_here(corner))) - middle) for corner in thing.corners()]
+        low, high = middle + min(offsets), middle + max(offsets)
+    return [low + (high - low) * (index + 0.5) / RAYS_PER_THING for index in range(RAYS_PER_THING)]
+
+
+def _others(state: StoreState, thing: Box | Disc) -> Scene:
+    boxes = [box for box in (each.box() for each in state.standing()) if box != thing]
+    discs = [disc for disc in (Disc(at_m, PERSON_RADIUS_M) for _, at_m in state.people_m) if disc != thing]
+    return Scene(boxes, discs)
+
+
+def _sightings(seed: int, state: StoreState) -> Iterator[Sighting]:
+    things: list[tuple[Seen, str, Pose2D, Box | Disc]]
+    things = [(Seen.PERSON, name, Pose2D(*at_m), Disc(at_m, PERSON_RADIUS_M)) for name, at_m in state.people_m]
+    things += [(Seen.CONTAINER, each.name, each.at, each.box()) for each in state.standing()]
+    for kind, name, at, shape in things:
+        share = visible_share(state, shape)
+        if share >= SMALLEST_SHARE:
+            random = Random(f"{seed} camera {state.step} {name}")
+            yield from _detected(random, kind, _inside(state.robot.at, at), share)
+
+
+def _inside(robot: Pose2D, at: Pose2D) -> Pose2D:
+    return Pose2D(*robot.seen_from_here(at.point_m), wrapped(at.heading_rad - robot.heading_rad))
+
+
+def _detected(random: Random, kind: Seen, at: Pose2D, share: float) -> Iterator[Sighting]:
+    """Yield a thing as it is detected, unless it is missed: the farther and the more hidden, the more often.
+
+    Args:
+        random: of this thing in this picture.
+        kind: what it is.
+        at: where it truly is, in the robot's frame.
+        share: how much of it is in sight.
+    """
+    range_m = hypot(at.x_m, at.y_m)
+    if random.random() < 0.03 + 0.25 * (range_m / CAMERA_FARTHEST_M) ** 2 + 0.3 * (1.0 - share):
+        return
+    spread_m = 0.01 + 0.003 * range_m**2
+    x_m, y_m = random.gauss(at.x_m, spread_m), random.gauss(at.y_m, spread_m)
+    facing_rad = wrapped(random.gauss(at.heading_rad, 0.03 + 0.01 * range_m))
+    yield Sighting(kind=kind, at=Pose2D(x_m, y_m, 0.0 if kind is Seen.PERSON else facing_rad), share=share)

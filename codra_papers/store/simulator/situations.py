@@ -1,0 +1,221 @@
+"""What happens in the shop besides the robot's work: P2's situations, and the staff (P2, section 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+from codra_papers.store.geometry import Pose2D
+from codra_papers.store.layout import AREAS, DELIVERY, PICKING_AREAS, SUPPLY
+from codra_papers.store.simulator.people import crossing, shopper
+from codra_papers.store.simulator.state import Container, Load, StoreState, Whereabouts
+from codra_papers.store.simulator.world import Beginning, StoreWorld
+
+
+class Situation(StrEnum):
+    """What a run is about."""
+
+    ORDINARY = "ordinary"
+    """A full container is to be collected from the first picking area; it is in sight from the first pose."""
+
+    SECOND_ORDER = "second order"
+    """P2's first: a container is provided, ordered elsewhere while it is loaded, and full on the way there."""
+
+    PEOPLE_CLOSE = "people close"
+    """P2's second: somebody crosses before the container while the robot is about to fetch it."""
+
+    HIDDEN = "hidden"
+    """P2's third: the container cannot be seen from the first observation pose."""
+
+    ABSENT = "absent"
+    """There is no container to collect."""
+
+    QUIET = "quiet"
+    """Nobody orders anything, unless somebody at the page does. There is an empty container in the area."""
+
+
+class OrderKind(StrEnum):
+    """What pickers ask for."""
+
+    PROVIDE = "provide"
+    COLLECT = "collect"
+    MOVE = "move"
+
+
+class Page(Protocol):
+    """What pickers use to say what they want (P2's PickerWebInterface)."""
+
+    def order(self, kind: OrderKind, area: str, to: str) -> str:
+        """Ask for a container to be brought from one area to another; return the name of the order."""
+        ...
+
+    def tell_load(self, load: Load) -> None:
+        """Say what is in the container that the robot serves."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreSettings:
+    """A shop, before it opens.
+
+    Attributes:
+        seed: of all that chance decides.
+        shoppers: how many people walk about.
+        area: the picking area that the situation is about.
+        second_area: where the second order sends the container.
+        battery_percent: when it opens.
+        drain: by what the use of the battery is multiplied.
+    """
+
+    seed: int = 1
+    situation: Situation = Situation.ORDINARY
+    shoppers: int = 3
+    area: str = "area_1"
+    second_area: str = "area_2"
+    battery_percent: float = 100.0
+    drain: float = 1.0
+
+
+def beginning(settings: StoreSettings) -> Beginning:
+    """Return how the shop stands when it opens: two containers in it or in the back room besides the one to collect."""
+    places = PICKING_AREAS[settings.area].places
+    where = {
+        Situation.ORDINARY: places[0],
+        Situation.PEOPLE_CLOSE: places[0],
+        Situation.HIDDEN: places[1],
+        Situation.QUIET: places[0],
+    }
+    at = where.get(settings.situation)
+    load = Load.EMPTY if settings.situation is Situation.QUIET else Load.FULL
+    first = () if at is None else (Container(name="container_1", at=at, load=load),)
+    others = (
+        Container(name="container_2", at=SUPPLY.places[0]),
+        Container(name="container_3", at=SUPPLY.places[0], where=Whereabouts.BACK_ROOM),
+    )
+    return Beginning(
+        seed=settings.seed,
+        containers=(*first, *others),
+        people=tuple(shopper(settings.seed, number) for number in range(settings.shoppers)),
+        battery_percent=settings.battery_percent,
+        drain=settings.drain,
+    )
+
+
+STAFF_S = 60.0
+"""So long after a container was delivered the staff take it away, and after the supply was emptied they renew it."""
+
+
+class Staff:
+    """Takes delivered containers to the back room, where they are emptied, and brings empty ones to the supply."""
+
+    def __init__(self, world: StoreWorld) -> None:
+        """Begin the day."""
+        self._world = world
+        self._delivered_s: float | None = None
+        self._taken_s: float | None = None
+
+    def see(self, state: StoreState) -> None:
+        """Do what is to be done in this step."""
+        delivered = standing_at(state, DELIVERY.places[0])
+        self._delivered_s = _since(self._delivered_s, state, delivered is not None)
+        if delivered is not None and self._is_due(self._delivered_s, state):
+            self._world.set_load(delivered.name, Load.EMPTY)
+            self._world.move_container(delivered.name, delivered.at, Whereabouts.BACK_ROOM)
+        is_free = standing_at(state, SUPPLY.places[0]) is None and state.robot.at.distance_m(SUPPLY.places[0]) > 3.0
+        self._taken_s = _since(self._taken_s, state, is_free)
+        spare = next((each for each in state.containers if each.where is Whereabouts.BACK_ROOM), None)
+        if spare is not None and self._is_due(self._taken_s, state):
+            self._world.move_container(spare.name, SUPPLY.places[0], Whereabouts.FLOOR)
+
+    def _is_due(self, since_s: float | None, state: StoreState) -> bool:
+        return since_s is not None and state.instant_s - since_s >= STAFF_S
+
+
+class Pickers:
+    """Let a situation come about: people who order, load, and walk, by what they see happen in the shop."""
+
+    def __init__(self, settings: StoreSettings, world: StoreWorld, page: Page) -> None:
+        """Begin the day."""
+        self._settings = settings
+        self._world = world
+        self._page = page
+        self._acts: list[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]]] = list(self._story())
+        self._since_s: float | None = None
+
+    def see(self, state: StoreState) -> None:
+        """Do the next act if its time has come: so long after what it waits for began."""
+        if not self._acts:
+            return
+        is_met, delay_s, act = self._acts[0]
+        self._since_s = _since(self._since_s, state, is_met(state))
+        if self._since_s is not None and state.instant_s - self._since_s >= delay_s:
+            self._since_s = None
+            self._acts.pop(0)
+            act(state)
+
+    def _story(self) -> tuple[tuple[Callable[[StoreState], bool], float, Callable[[StoreState], None]], ...]:
+        if self._settings.situation is Situation.QUIET:
+            return ()
+        if self._settings.situation is Situation.SECOND_ORDER:
+            return (
+                (_always, 1.0, lambda _: self._provide()),
+                (self._has_container, 5.0, lambda state: self._load(state, Load.LOADING)),
+                (self._has_container, 40.0, self._order_on),
+                (_is_carrying, 12.0, lambda state: self._load(state, Load.FULL)),
+            )
+        collect = (_always, 1.0, lambda _: self._collect())
+        if self._settings.situation is Situation.PEOPLE_CLOSE:
+            return (collect, (self._is_here, 1.0, self._cross))
+        return (collect,)
+
+    def _provide(self) -> None:
+        self._page.order(OrderKind.PROVIDE, SUPPLY.name, self._settings.area)
+
+    def _collect(self) -> None:
+        self._page.tell_load(Load.FULL)
+        self._page.order(OrderKind.COLLECT, self._settings.area, DELIVERY.name)
+
+    def _order_on(self, _: StoreState) -> None:
+        self._page.order(OrderKind.MOVE, self._settings.area, self._settings.second_area)
+
+    def _load(self, state: StoreState, load: Load) -> None:
+        container = state.carried() or standing_at(state, AREAS[self._settings.area].places[0])
+        if container is not None:
+            self._world.set_load(container.name, load)
+            self._page.tell_load(load)
+
+    def _cross(self, _: StoreState) -> None:
+        area = AREAS[self._settings.area]
+        x_m, y_m = area.recess.corridor_x_m - 0.6, area.places[0].y_m
+        ends = ((x_m, y_m + 0.8), (x_m, y_m - 0.8))
+        self._world.add_person(crossing((x_m, y_m + 3.0), ends, 40, (x_m, 13.5)))
+
+    def _has_container(self, state: StoreState) -> bool:
+        return standing_at(state, AREAS[self._settings.area].places[0]) is not None
+
+    def _is_here(self, state: StoreState) -> bool:
+        """Return whether the robot stands at the first observation pose of the area."""
+        pose = AREAS[self._settings.area].observation[0]
+        return state.robot.at.distance_m(pose) < 0.3 and state.robot.surface_speed_m_s() == 0.0
+
+
+def standing_at(state: StoreState, place: Pose2D) -> Container | None:
+    """Return the container that stands at a place."""
+    return next((each for each in state.standing() if each.at.distance_m(place) < 0.4), None)
+
+
+def _always(_: StoreState) -> bool:
+    return True
+
+
+def _is_carrying(state: StoreState) -> bool:
+    return state.carried() is not None
+
+
+def _since(since_s: float | None, state: StoreState, holds: bool) -> float | None:
+    """Return since when something holds without a break."""
+    if not holds:
+        return None
+    return state.instant_s if since_s is None else since_s

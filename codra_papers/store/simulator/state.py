@@ -1,0 +1,133 @@
+"""The whole truth about one instant of the shop, as frozen values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from codra_papers.store.geometry import Box, Disc, Point, Pose2D, Scene
+from codra_papers.store.layout import (
+    BODY_BACK_M,
+    BODY_FRONT_M,
+    BODY_WIDTH_M,
+    CONTAINER_M,
+    FIXED,
+    FORK_TIP_M,
+    FORK_WIDTH_M,
+    REACH_M,
+    WHEEL_OFFSET_M,
+    WHEEL_RADIUS_M,
+)
+
+
+class Load(StrEnum):
+    """What is in a container."""
+
+    EMPTY = "empty"
+    LOADING = "loading"
+    FULL = "full"
+
+
+class Whereabouts(StrEnum):
+    """Where a container is."""
+
+    FLOOR = "floor"
+    FORK = "fork"
+    BACK_ROOM = "back room"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Container:
+    """A roll container.
+
+    Attributes:
+        at: in the map; on the fork, where the fork has it; in the back room, nowhere that counts.
+    """
+
+    name: str
+    at: Pose2D
+    load: Load = Load.EMPTY
+    where: Whereabouts = Whereabouts.FLOOR
+
+    def box(self) -> Box:
+        """Return the space that it takes."""
+        return Box(self.at, CONTAINER_M, CONTAINER_M)
+
+    def wheels(self) -> tuple[Disc, ...]:
+        """Return its wheels, which is all of it that is near the floor."""
+        offsets = [(a * WHEEL_OFFSET_M, b * WHEEL_OFFSET_M) for a in (1, -1) for b in (1, -1)]
+        return tuple(Disc(self.at.out(*offset), WHEEL_RADIUS_M) for offset in offsets)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotState:
+    """The robot's body.
+
+    Attributes:
+        at: its axle.
+        turn_rate_rad_s: counter-clockwise.
+        is_fork_up: whether the fork is raised.
+        bumped_s: when a bumper was last touched.
+    """
+
+    at: Pose2D
+    speed_m_s: float = 0.0
+    turn_rate_rad_s: float = 0.0
+    is_fork_up: bool = False
+    battery_percent: float = 100.0
+    is_charging: bool = False
+    bumped_s: float = -1e9
+
+    def body(self) -> Box:
+        """Return the space of the body, in front of the fork."""
+        return _part(self.at, BODY_BACK_M, BODY_FRONT_M, BODY_WIDTH_M)
+
+    def fork(self) -> Box:
+        """Return the space of the fork."""
+        return _part(self.at, FORK_TIP_M, BODY_BACK_M, FORK_WIDTH_M)
+
+    def surface_speed_m_s(self) -> float:
+        """Return a bound of how fast any point of it moves: its speed, and its turn rate times its reach."""
+        return abs(self.speed_m_s) + abs(self.turn_rate_rad_s) * REACH_M
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreState:
+    """All of the shop at one instant.
+
+    Attributes:
+        step: its number; the shop goes on in steps of equal time.
+        people_m: where the people are, each under a name.
+    """
+
+    step: int
+    instant_s: float
+    robot: RobotState
+    containers: tuple[Container, ...]
+    people_m: tuple[tuple[str, Point], ...]
+
+    def carried(self) -> Container | None:
+        """Return the container on the fork."""
+        return next((each for each in self.containers if each.where is Whereabouts.FORK), None)
+
+    def standing(self) -> tuple[Container, ...]:
+        """Return the containers that stand on the floor of the shop."""
+        return tuple(each for each in self.containers if each.where is Whereabouts.FLOOR)
+
+    def footprint(self) -> tuple[Box, ...]:
+        """Return the space of the robot with what it carries."""
+        return footprint(self.robot, self.carried())
+
+
+def footprint(robot: RobotState, carried: Container | None) -> tuple[Box, ...]:
+    """Return the space of a robot with what it carries."""
+    own = (robot.body(), robot.fork())
+    return own if carried is None else (*own, carried.box())
+
+
+SHELL = Scene(FIXED)
+"""All that never moves, for rays."""
+
+
+def _part(at: Pose2D, back_m: float, front_m: float, width_m: float) -> Box:
+    return Box(at.ahead((back_m + front_m) / 2), front_m - back_m, width_m)

@@ -1,0 +1,111 @@
+"""A whole run of the shop: the world, the knowledge of its robot, its agents, and who judges them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+from codra_dsl.runtime import Reading
+from codra_dsl.runtime.clock import Clock
+from codra_dsl.runtime.knowledge import Change, Knowledge, Stage, path
+from codra_papers.store.agents import start_agents
+from codra_papers.store.knowledge import store_knowledge
+from codra_papers.store.simulator.situations import OrderKind, Pickers, Staff, StoreSettings, beginning
+from codra_papers.store.simulator.state import Load
+from codra_papers.store.simulator.truth import Judge
+from codra_papers.store.simulator.world import StoreWorld
+
+
+class PickerPage:
+    """The agent `picker_page`: what pickers ask for becomes knowledge (P2's PickerWebInterface)."""
+
+    def __init__(self, knowledge: Knowledge) -> None:
+        """Take no order yet."""
+        self._knowledge = knowledge
+        self._handle = knowledge.as_agent("picker_page")
+        self._count = 0
+
+    def order(self, kind: OrderKind, area: str, to: str) -> str:
+        """Insert an order, from one area to another; return its name."""
+        self._count += 1
+        name = f"order_{self._count}"
+        with self._handle.transaction() as change:
+            change.insert_node(name, "order", kind=kind)
+            change.insert_edge(name, "of_area", area)
+            change.insert_edge(name, "to_area", to)
+        if kind is OrderKind.PROVIDE:  # what is provided is empty, whatever was on the fork before
+            self._knowledge.follow(name, "state", self._taken_up)
+        return name
+
+    def _taken_up(self, state: Reading[str]) -> None:
+        if state.known and state.value == "open":
+            self.tell_load(Load.EMPTY)
+
+    def cancel(self, order: str) -> None:
+        """Take an order back; one that is closed stays as it is.
+
+        Raises:
+            UnknownNameError: if there is none of this name.
+        """
+        self._handle.set(order, "cancelled", True)
+
+    def tell_load(self, load: Load) -> None:
+        """Write what is in the container that the robot serves."""
+        self._handle.set("robot", "container_load", load)
+
+
+class Store:
+    """The shop with its robot, open.
+
+    Attributes:
+        world: with the ground truth.
+        knowledge: what the robot has of it.
+        judge: of the run so far.
+        page: on which pickers order.
+    """
+
+    def __init__(self, clock: Clock, settings: StoreSettings, knowledge: Knowledge | None = None) -> None:
+        """Open the shop.
+
+        Args:
+            clock: on which it runs.
+            settings: what is to happen.
+            knowledge: of a context manager that was compiled from a spec; by default one of the shop's own.
+        """
+        self.world = StoreWorld(clock, beginning(settings))
+        self.knowledge = Knowledge(store_knowledge(), clock=clock) if knowledge is None else knowledge
+        self.page = PickerPage(self.knowledge)
+        self.judge = Judge(self.world.state())
+        self._clock = clock
+        self._handovers: list[tuple[float, str]] = []
+        self._samples: list[str] = []
+        self._agents = start_agents(self.knowledge, self.world.body, clock)
+        for see in (self.judge.see, Staff(self.world).see, Pickers(settings, self.world, self.page).see):
+            self.world.watch(see)
+        self.world.watch(lambda _: self._sample())
+        for task in self.knowledge.model.tasks:
+            self._follow(task.name)
+
+    def record(self) -> str:
+        """Return what was true once a second, what happened, and how tasks went, as lines of text."""
+        lines = [*self._lines(self.world.events), *self._lines(self._handovers)]
+        return "\n".join((*self._samples, *lines, repr(self.judge.score))) + "\n"
+
+    def _follow(self, task: str) -> None:
+        for stage in Stage:
+            self.knowledge.subscribe(partial(self._handed_over, task, stage), path("robot", stage, task))
+
+    def _handed_over(self, task: str, stage: Stage, change: Change) -> None:
+        handover = change.snapshot.handover(task)
+        if handover.stage is stage:
+            told = f"{task} {handover.number} {stage} {handover.result or handover.reason}".rstrip()
+            self._handovers.append((self._clock.now_s(), told))
+
+    def _sample(self) -> None:
+        state = self.world.state()
+        if state.step % 10 == 0:
+            self._samples.append(repr(state))
+
+    @staticmethod
+    def _lines(events: list[tuple[float, str]]) -> Iterator[str]:
+        return (f"{instant_s:.3f} {what}" for instant_s, what in events)

@@ -1,0 +1,81 @@
+"""What a run is judged by, from the world's own state. The robot's code never sees it.
+
+- A second is *unsafe* while somebody's body is nearer than `UNSAFE_BELOW_M` to the robot or what it carries, and some
+  point of the robot may move faster than `UNSAFE_ABOVE_M_S`: its speed, and its turn rate times its reach, together.
+- A *mission* is completed when a container is set down at a place that containers are brought to.
+- A *bump* is a step in which the robot would have moved into something.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from codra_papers.store.layout import AREAS
+from codra_papers.store.simulator.driving import STEP_S
+from codra_papers.store.simulator.people import PERSON_RADIUS_M
+from codra_papers.store.simulator.state import StoreState, Whereabouts
+
+UNSAFE_BELOW_M = 1.0
+UNSAFE_ABOVE_M_S = 0.3
+SET_DOWN_WITHIN_M = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """The sums of a run.
+
+    Attributes:
+        deliveries: where containers were set down, in order: the names of areas.
+    """
+
+    unsafe_s: float = 0.0
+    bumps: int = 0
+    driven_m: float = 0.0
+    deliveries: tuple[str, ...] = ()
+
+    @property
+    def missions(self) -> int:
+        """Return how many missions were completed."""
+        return len(self.deliveries)
+
+
+class Judge:
+    """Follows the states of a shop."""
+
+    def __init__(self, state: StoreState) -> None:
+        """Begin with a state."""
+        self.score = Score()
+        self._last = state
+
+    def see(self, state: StoreState) -> None:
+        """Take one more step into account."""
+        score = self.score
+        self.score = replace(
+            score,
+            unsafe_s=round(score.unsafe_s + (STEP_S if is_unsafe(state) else 0.0), 6),
+            bumps=score.bumps + (state.robot.bumped_s != self._last.robot.bumped_s),
+            driven_m=score.driven_m + self._last.robot.at.distance_m(state.robot.at),
+            deliveries=score.deliveries + _set_down(self._last, state),
+        )
+        self._last = state
+
+
+def nearest_person_m(state: StoreState) -> float:
+    """Return how far the nearest person's body is from the robot and what it carries; infinite without people."""
+    gaps = [box.distance_m(at_m) - PERSON_RADIUS_M for box in state.footprint() for _, at_m in state.people_m]
+    return max(min(gaps, default=float("inf")), 0.0)
+
+
+def is_unsafe(state: StoreState) -> bool:
+    """Return whether the robot moves fast near somebody."""
+    return state.robot.surface_speed_m_s() > UNSAFE_ABOVE_M_S and nearest_person_m(state) < UNSAFE_BELOW_M
+
+
+def _set_down(before: StoreState, after: StoreState) -> tuple[str, ...]:
+    carried = before.carried()
+    if carried is None or after.carried() is not None:
+        return ()
+    down = next(each for each in after.containers if each.name == carried.name)
+    if down.where is not Whereabouts.FLOOR:
+        return ()
+    return tuple(area.name for area in AREAS.values() if area.places[0].distance_m(down.at) < SET_DOWN_WITHIN_M)[:1]

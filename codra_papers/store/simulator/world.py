@@ -1,0 +1,351 @@
+"""The shop over time: people walk, the robot drives, containers stand or are carried.
+
+It goes on in steps of a tenth of a second, each an event of the clock, and never by what somebody reads: the state of a
+step is a frozen value, a reading is a function of the seed and of that value, and chance has a source for each purpose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import cos, hypot, pi, remainder, sin
+
+from codra_dsl.runtime.clock import Clock
+from codra_papers.store.body import Done, Lift, Outcome, Picture, Scan, Side, Stop, Way
+from codra_papers.store.geometry import Point, Pose2D, wrapped
+from codra_papers.store.layout import DOCK, FIXED, FORK_M, REACH_M, START
+from codra_papers.store.simulator import sensors
+from codra_papers.store.simulator.driving import STEP_S, STEPS_PER_S, Drive, Driving, Raise, Senses, Turn, Wish
+from codra_papers.store.simulator.people import PERSON_RADIUS_M, Person
+from codra_papers.store.simulator.state import (
+    Container,
+    Load,
+    RobotState,
+    StoreState,
+    Whereabouts,
+    footprint,
+)
+
+UNDER_M, UNDER_RAD = 0.1, 0.15
+"""How well the fork must stand under a container to lift it."""
+
+DOCKED_M = 0.15
+"""How near the dock the robot must stand to charge."""
+
+BUMPED_FOR_S = 2.0
+
+IDLE_PERCENT_PER_MIN = 0.1
+DRIVE_PERCENT_PER_M = 0.012
+TURN_PERCENT_PER_RAD = 0.004
+LOADED_FACTOR = 1.5
+LIFT_PERCENT = 0.05
+CHARGE_PERCENT_PER_MIN = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beginning:
+    """How the shop stands when it opens.
+
+    Attributes:
+        seed: of all that chance decides.
+        drain: by what the use of the battery is multiplied.
+    """
+
+    seed: int
+    containers: tuple[Container, ...]
+    people: tuple[Person, ...] = ()
+    robot: Pose2D = START
+    battery_percent: float = 100.0
+    drain: float = 1.0
+
+
+class StoreWorld:
+    """The shop. Steps run as events of its clock; states and readings may be asked for from any thread.
+
+    Attributes:
+        events: what has happened, each with its instant, in order.
+    """
+
+    def __init__(self, clock: Clock, beginning: Beginning) -> None:
+        """Open the shop."""
+        self.events: list[tuple[float, str]] = []
+        self.body = Cary(self)
+        self._clock = clock
+        self._begun_s = clock.now_s()
+        self._seed, self._drain = beginning.seed, beginning.drain
+        self._people = list(beginning.people)
+        self._driving = Driving()
+        self._held: Pose2D | None = None
+        self._watchers: list[Callable[[StoreState], None]] = []
+        self._scans: dict[Side, Scan] = {}
+        self._picture: Picture | None = None
+        robot = RobotState(at=beginning.robot, battery_percent=beginning.battery_percent)
+        self._state = self._seen(StoreState(
+            step=0, instant_s=self._begun_s, robot=robot, containers=beginning.containers, people_m=()))  # fmt: skip
+        clock.call_at(self._begun_s + STEP_S, self._step)
+
+    # What is true
+
+    def state(self) -> StoreState:
+        """Return the truth of the latest step."""
+        return self._state
+
+    def watch(self, callback: Callable[[StoreState], None]) -> None:
+        """Tell each new state. Callbacks run in the order in which they came; they must not wait."""
+        self._watchers.append(callback)
+
+    # What people do
+
+    def add_person(self, person: Person) -> None:
+        """Let somebody in."""
+        self._people.append(person)
+
+    def set_load(self, name: str, load: Load) -> None:
+        """Let what is in a container be something else."""
+        self._change(name, load=load)
+        self.events.append((self._state.instant_s, f"{name} is {load}"))
+
+    def move_container(self, name: str, at: Pose2D, where: Whereabouts) -> None:
+        """Let people push a container elsewhere."""
+        self._change(name, at=at, where=where)
+        self.events.append((self._state.instant_s, f"{name} was moved: {where}"))
+
+    # What the body of the robot asks
+
+    def driving(self) -> Driving:
+        """Return the motion layer."""
+        return self._driving
+
+    def tell_ended(self) -> None:
+        """Tell those who gave commands what became of them."""
+        while self._driving.ended:
+            command, outcome = self._driving.ended.pop(0)
+            command.done(outcome)
+
+    def scan(self, side: Side) -> Scan:
+        """Return the latest turn of a laser, which is the same whoever asks."""
+        if side not in self._scans:
+            self._scans[side] = sensors.scan(self._seed, self._state, side)
+        return self._scans[side]
+
+    def picture(self) -> Picture:
+        """Return the latest picture of the camera, which is the same whoever asks."""
+        if self._picture is None:
+            self._picture = sensors.picture(self._seed, self._state)
+        return self._picture
+
+    def believed(self) -> Pose2D:
+        """Return where the robot believes it stands."""
+        return sensors.believed(self._seed, self._state)
+
+    # Steps
+
+    def _step(self) -> None:
+        self._walk()
+        wish = self._driving.step(self._senses()) if self._moves() else Wish()
+        robot, bumped = self._moved(wish)
+        if bumped:
+            robot = replace(robot, bumped_s=self._state.instant_s + STEP_S)
+            self.events.append((self._state.instant_s + STEP_S, f"the robot bumped into {bumped}"))
+            self._driving.end(Outcome.BUMPED)
+        step = self._state.step + 1
+        self._advance(step, robot)
+        self._finish_lifts()
+        self._clock.call_at(self._begun_s + (step + 1) / STEPS_PER_S, self._step)
+        for watcher in tuple(self._watchers):
+            watcher(self._state)
+        self.tell_ended()
+
+    def _moves(self) -> bool:
+        robot = self._state.robot
+        return self._driving.is_at_work or robot.speed_m_s != 0.0 or robot.turn_rate_rad_s != 0.0
+
+    def _walk(self) -> None:
+        boxes = self._state.footprint()
+        for person in self._people:
+            person.step(STEP_S, lambda point: min(box.distance_m(point) for box in boxes))
+        self._state = self._seen(self._state)
+
+    def _seen(self, state: StoreState) -> StoreState:
+        self._scans, self._picture = {}, None
+        return replace(state, people_m=tuple((person.name, person.at_m) for person in self._people))
+
+    def _senses(self) -> Senses:
+        robot = self._state.robot
+        return Senses(
+            believed=self.believed(),
+            speed_m_s=robot.speed_m_s,
+            turn_rate_rad_s=robot.turn_rate_rad_s,
+            is_loaded=self._held is not None,
+            scan=self.scan,
+        )
+
+    def _moved(self, wish: Wish) -> tuple[RobotState, str]:
+        """Return the robot after a step, and into what it bumped: then it stays where it was."""
+        robot = self._state.robot
+        middle_rad = robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S / 2
+        length_m = wish.speed_m_s * STEP_S
+        at = Pose2D(
+            robot.at.x_m + length_m * cos(middle_rad),
+            robot.at.y_m + length_m * sin(middle_rad),
+            wrapped(robot.at.heading_rad + wish.turn_rate_rad_s * STEP_S),
+        )
+        there = replace(robot, at=at, speed_m_s=wish.speed_m_s, turn_rate_rad_s=wish.turn_rate_rad_s)
+        obstacle = self._hit(there) if at != robot.at else ""
+        if obstacle:
+            return replace(robot, speed_m_s=0.0, turn_rate_rad_s=0.0), obstacle
+        return there, ""
+
+    def _hit(self, robot: RobotState) -> str:
+        carried = self._state.carried()
+        held = None if carried is None or self._held is None else replace(carried, at=_outer(robot.at, self._held))
+        parts = footprint(robot, held)
+        solid = parts if held is not None else parts[:1]  # an empty fork goes under containers
+        for box in FIXED:
+            if box.distance_m(robot.at.point_m) < REACH_M + 0.1 and any(part.overlaps(box) for part in parts):
+                return "a shelf"
+        for container in self._state.standing():
+            if any(part.overlaps(container.box()) for part in solid):
+                return container.name
+        for name, at_m in self._state.people_m:
+            if any(part.distance_m(at_m) < PERSON_RADIUS_M for part in parts):
+                return name
+        return ""
+
+    def _advance(self, step: int, robot: RobotState) -> None:
+        is_docked = robot.at.distance_m(DOCK) < DOCKED_M and robot.surface_speed_m_s() == 0.0
+        robot = replace(robot, is_charging=is_docked, battery_percent=self._charged(robot, is_docked))
+        containers = self._state.containers
+        if self._held is not None:
+            at = _outer(robot.at, self._held)
+            containers = tuple(replace(each, at=at) if each.where is Whereabouts.FORK else each for each in containers)
+        instant_s = self._begun_s + step / STEPS_PER_S
+        self._state = self._seen(
+            replace(self._state, step=step, instant_s=instant_s, robot=robot, containers=containers)
+        )
+
+    def _charged(self, robot: RobotState, is_docked: bool) -> float:
+        if is_docked:
+            return min(100.0, robot.battery_percent + CHARGE_PERCENT_PER_MIN / 60 * STEP_S)
+        moved = abs(robot.speed_m_s) * DRIVE_PERCENT_PER_M + abs(robot.turn_rate_rad_s) * TURN_PERCENT_PER_RAD
+        used = IDLE_PERCENT_PER_MIN / 60 + moved * (LOADED_FACTOR if self._held is not None else 1.0)
+        return max(0.0, robot.battery_percent - used * self._drain * STEP_S)
+
+    def _finish_lifts(self) -> None:
+        for command, outcome in self._driving.ended:
+            if isinstance(command, Raise) and outcome is Outcome.DONE:
+                self._raise() if command.lift is Lift.UP else self._lower()
+
+    def _raise(self) -> None:
+        robot = self._state.robot
+        under = next((each for each in self._state.standing() if _is_under(robot.at, each)), None)
+        if under is not None and not robot.is_fork_up:
+            self._held = _inner(robot.at, under.at)
+            self._change(under.name, where=Whereabouts.FORK)
+            self.events.append((self._state.instant_s, f"{under.name} is on the fork"))
+        self._lifted(is_up=True)
+
+    def _lower(self) -> None:
+        carried = self._state.carried()
+        if carried is not None:
+            self._held = None
+            self._change(carried.name, where=Whereabouts.FLOOR)
+            self.events.append((self._state.instant_s, f"{carried.name} is on the floor"))
+        self._lifted(is_up=False)
+
+    def _lifted(self, *, is_up: bool) -> None:
+        robot = self._state.robot
+        level = max(0.0, robot.battery_percent - LIFT_PERCENT * self._drain)
+        self._state = self._seen(replace(self._state, robot=replace(robot, is_fork_up=is_up, battery_percent=level)))
+
+    def _change(self, name: str, **values: object) -> None:
+        changed = tuple(
+            replace(each, **values) if each.name == name else each  # type: ignore[arg-type]
+            for each in self._state.containers
+        )
+        self._state = self._seen(replace(self._state, containers=changed))
+
+
+class Cary:
+    """The robot's hardware, as its own code has it: a `Body`."""
+
+    def __init__(self, world: StoreWorld) -> None:
+        """Belong to a shop."""
+        self._world = world
+
+    def believed(self) -> Pose2D:
+        """Return where its localisation says that it stands."""
+        return self._world.believed()
+
+    def localisation_spread_m(self) -> float:
+        """Return how far off the localisation takes itself to be."""
+        return 2 * sensors.LOCALISATION_M
+
+    def scan(self, side: Side) -> Scan:
+        """Return the latest turn of a laser."""
+        return self._world.scan(side)
+
+    def look(self) -> Picture:
+        """Return the latest picture."""
+        return self._world.picture()
+
+    def battery_percent(self) -> float:
+        """Return the level of the battery, to a tenth."""
+        return round(self._world.state().robot.battery_percent, 1)
+
+    def is_charging(self) -> bool:
+        """Return whether it stands at the dock and charges."""
+        return self._world.state().robot.is_charging
+
+    def has_load(self) -> bool:
+        """Return whether the fork weighs something."""
+        return self._world.state().carried() is not None
+
+    def is_bumped(self) -> bool:
+        """Return whether a bumper was touched within the last two seconds."""
+        state = self._world.state()
+        return state.instant_s - state.robot.bumped_s < BUMPED_FOR_S
+
+    def speed_m_s(self) -> float:
+        """Return how fast it drives; negative backwards."""
+        return self._world.state().robot.speed_m_s
+
+    def set_max_speed(self, speed_m_s: float) -> None:
+        """Drive no faster than this from now on."""
+        self._world.driving().max_speed_m_s = speed_m_s
+
+    def drive(self, points_m: Sequence[Point], way: Way, done: Done) -> Stop:
+        """Drive from point to point, in the believed map."""
+        return self._begin(Drive(points_m, way, done))
+
+    def turn(self, angle_rad: float, done: Done) -> Stop:
+        """Turn on the spot."""
+        return self._begin(Turn(angle_rad, done))
+
+    def lift(self, lift: Lift, done: Done) -> Stop:
+        """Raise or lower the fork."""
+        return self._begin(Raise(lift, done))
+
+    def _begin(self, command: Drive | Turn | Raise) -> Stop:
+        self._world.driving().begin(command)
+        return partial(self._stop, command)
+
+    def _stop(self, command: Drive | Turn | Raise) -> None:
+        self._world.driving().stop(command)
+        self._world.tell_ended()
+
+
+def _outer(frame: Pose2D, inner: Pose2D) -> Pose2D:
+    return Pose2D(*frame.out(inner.x_m, inner.y_m), wrapped(frame.heading_rad + inner.heading_rad))
+
+
+def _inner(frame: Pose2D, outer: Pose2D) -> Pose2D:
+    return Pose2D(*frame.seen_from_here(outer.point_m), wrapped(outer.heading_rad - frame.heading_rad))
+
+
+def _is_under(robot: Pose2D, container: Container) -> bool:
+    """Return whether the fork is under a container well enough; any of its sides will do."""
+    fork = robot.ahead(-FORK_M)
+    aside_rad = abs(remainder(container.at.heading_rad - robot.heading_rad, pi / 2))
+    return hypot(fork.x_m - container.at.x_m, fork.y_m - container.at.y_m) < UNDER_M and aside_rad < UNDER_RAD

@@ -1,0 +1,327 @@
+"""Loops in generated code: what the store's spec compiles to, and what it does."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.compiler import compile_paths
+from codra_dsl.integrations.inspection.loading import load_emitted
+from codra_dsl.runtime import Journal, SimClock, UnknownNameError
+from codra_dsl.runtime.behavior_trees import Action, Ports, Result, Robot
+from codra_dsl.runtime.loops.loop import Mape
+from codra_dsl.runtime.loops.planning import Planning
+from codra_dsl.runtime.replay import replay
+from generated import store
+from generated.store import Store, action_engine, metric_engine
+from generated.store.mape import MAPE
+from tests.runtime.journal.journals import read
+
+ROOT = Path(__file__).parents[3]
+CALM = {
+    "bumped": 0.0,
+    "person_distance": 6.0,
+    "picking_up": 0.0,
+    "order_open": 1.0,
+    "loaded": 0.0,
+    "battery_level": 80.0,
+    "battery_drain": 0.5,
+    "container_load": 0.0,
+}
+"""An order is open, the fork is empty, nobody is near."""
+
+
+def metrics(**seen: float) -> dict[str, float]:
+    known = CALM | seen
+    found = metric_engine.infer(*(known[name] for name in metric_engine.INPUTS))
+    return dict(zip(metric_engine.OUTPUTS, found.values, strict=True))
+
+
+def weights(**seen: float) -> dict[str, float]:
+    known = CALM | seen | metrics(**seen)
+    found = action_engine.infer(*(known[name] for name in action_engine.INPUTS))
+    names = (name.removeprefix("weight_of_") for name in action_engine.OUTPUTS)
+    return dict(zip(names, found.values, strict=True))
+
+
+def heaviest(**seen: float) -> str:
+    found = weights(**seen)
+    return max(found, key=lambda name: found[name])
+
+
+# P2, section 6
+
+
+def test_a_full_container_on_the_fork_goes_to_the_general_delivery_pose() -> None:
+    assert heaviest(loaded=1.0, container_load=1.0) == "pick"
+    assert heaviest(loaded=1.0, container_load=2.0) == "deliver"
+
+
+def test_a_person_close_to_a_robot_that_picks_up_halves_safety_and_sends_it_to_the_start() -> None:
+    assert metrics(picking_up=1.0, person_distance=1.5)["safety"] == pytest.approx(0.5)
+    assert heaviest(picking_up=1.0, person_distance=1.5) == "start"
+
+
+def test_people_in_the_corridors_do_not_stop_a_robot_that_drives() -> None:
+    assert heaviest(person_distance=1.0) == "pick"
+
+
+def test_a_battery_that_runs_low_sends_it_to_charge() -> None:
+    assert heaviest(battery_level=12.0) == "dock"
+
+
+def test_safety_never_falls_when_a_person_goes_away() -> None:
+    found = [metrics(picking_up=1.0, person_distance=step / 100.0)["safety"] for step in range(30, 600, 5)]
+
+    assert found == sorted(found)
+
+
+@given(
+    **{name: st.sampled_from((0.0, 1.0)) for name in ("bumped", "picking_up", "order_open", "loaded")},
+    person_distance=st.floats(0.0, 10.0),
+    battery_level=st.floats(0.0, 100.0),
+    battery_drain=st.floats(0.0, 5.0),
+    container_load=st.sampled_from((0.0, 1.0, 2.0)),
+)
+def test_some_rule_acts_in_every_case_as_no_finding_says_otherwise(**seen: float) -> None:
+    found = metrics(**seen) | weights(**seen)
+
+    assert all(0.0 <= value <= 1.0 for value in found.values()), found
+
+
+# What is generated
+
+
+def test_the_same_spec_compiles_to_the_same_bytes_and_one_without_loops_has_no_module_of_them() -> None:
+    first, second = (compile_paths([ROOT / "specs"], ROOT).files for _ in range(2))
+
+    assert first == second
+    assert "store/mape.py" in first
+    assert not {path for path in first if path.startswith(("lab/", "kitchen/")) and "mape" in path}
+
+
+def test_members_that_are_no_names_in_python_are_compiled(tmp_path: Path) -> None:
+    """An enum's members are texts, such as `on-hold`."""
+    text = (ROOT / "tests/cases/invalid/loops-words.yaml").read_text("utf-8")
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    for old, new in (("any, ", ""), ("load is any", "load is full"), ("very:", "near:")):
+        text = text.replace(old, new)
+    (tmp_path / "truck.yaml").write_text(text)
+
+    files = compile_paths([tmp_path / "truck.yaml"], tmp_path).files
+
+    assert "on-hold" in files["truck/metric_engine.py"]
+    for path, content in files.items():
+        if path.endswith(".py"):
+            compile(content, path, "exec")
+
+
+def test_stages_name_the_inputs_outputs_and_rules_of_their_engines() -> None:
+    for stage, engine in ((MAPE.metrics, metric_engine), (MAPE.actions, action_engine)):
+        assert stage is not None
+        assert tuple(each.variable for each in stage.inputs) == engine.INPUTS
+        assert tuple(each.range for each in stage.inputs) == engine.RANGES
+        assert tuple(each.variable for each in stage.outputs) == engine.OUTPUTS
+        assert tuple(each.text for each in stage.rules) == engine.RULES
+
+
+def test_every_action_has_a_branch_and_each_rate_a_loop() -> None:
+    (mission, _) = MAPE.trees
+    (course,) = MAPE.courses
+
+    assert tuple(mission.branches) == course.choose
+    assert [loop.rates for loop in MAPE.loops] == [("battery_drain",), ()]
+    assert MAPE.rates[0].factor == pytest.approx(-60.0)
+
+
+def test_files_beside_the_code_know_each_rule_and_condition_and_draw_who_reads_sets_and_executes_what() -> None:
+    files = compile_paths([ROOT / "specs"], ROOT).files
+    sources, graph = json.loads(files["store/sources.json"]), json.loads(files["store/graph.json"])
+    edges = {(each["source"], each["kind"], each["target"]) for each in graph["edges"]}
+
+    assert sources["store/metric/safety/rules/0"]["file"] == "specs/store.yaml"
+    assert {"store/action/dock/rules/1", "store/adaptation/course/always/0", "store/tree/mission"} <= sources.keys()
+    assert {
+        ("store/metric/safety", "reads", "store/context/person_distance"),
+        ("store/action/dock", "reads", "store/metric/power_autonomy"),
+        ("store/adaptation/course", "weighs", "store/action/dock"),
+        ("store/adaptation/course", "switches", "store/tree/mission"),
+        ("store/adaptation/speed", "sets", "store/context/max_speed"),
+        ("store/tree/mission", "requests", "store/task/navigating"),
+        ("store/loop/mission", "executes", "store/tree/mission"),
+    } <= edges
+    assert {end for source, _, target in edges for end in (source, target)} <= {each["id"] for each in graph["nodes"]}
+
+
+def test_the_file_of_a_tree_is_an_input_of_the_run_that_names_it() -> None:
+    planned = compile_paths([ROOT / "specs"], ROOT).planned
+
+    assert {"specs/trees/mission.xml", "specs/trees/pick_up.xml"} <= set(planned.modules)
+
+
+# What it does
+
+
+class Busy(Action):
+    """An action that goes on until it is halted."""
+
+    def start(self, ports: Ports) -> Result:  # noqa: ARG002
+        return Result.RUNNING
+
+    def go_on(self, ports: Ports) -> Result:  # noqa: ARG002
+        return Result.RUNNING
+
+    def halt(self, ports: Ports) -> None:
+        """Nothing is to be undone."""
+
+
+@contextmanager
+def running() -> Iterator[tuple[Store, SimClock, Mape]]:
+    clock = SimClock()
+    robot = Robot()
+    for leaf in (
+        "TakeOrder",
+        "SetOrderAside",
+        "ResumeOrders",
+        "CompleteOrder",
+        "RedirectOrder",
+        "GiveOrderUp",
+        "CloseOrder",
+    ):
+        robot.can(leaf, Busy)
+    for leaf in ("IsLoaded", "MoveTo", "PickUp", "LowerFork", "Inform", "IsRequested"):
+        robot.can(leaf, Busy)
+    for leaf in ("Report", "DetectContainer", "Rotate", "CheckWheels", "RaiseFork"):
+        robot.can(leaf, Busy)
+    with store.start(clock=clock, resources={}) as codra, store.loops(codra, clock=clock, robot=robot) as loops:
+        yield codra, clock, loops
+
+
+def test_the_loops_run_and_write_metrics_weights_course_and_speed() -> None:
+    with running() as (codra, clock, loops):
+        names = ("navigation", "person_detection", "lasers", "fork", "picker_page")
+        agents = {name: codra.agent(name) for name in names}
+        planners = {name: codra.agent(name) for name in ("mission", "picking")}
+        tell = partial(_tell, agents | planners)
+        tell(person_distance=6.0)
+        for _ in range(40):
+            tell(person_distance=6.0)
+            clock.sleep(0.5)
+        calm = codra.get("course").value, codra.get("max_speed").value
+        planners["picking"].set("picking_up", True)
+        for _ in range(40):
+            tell(person_distance=1.2)
+            clock.sleep(0.5)
+
+        assert calm == ("pick", 1.2)
+        assert codra.get("safety").value == pytest.approx(0.5)
+        assert (codra.get("course").value, codra.get("max_speed").value) == ("start", 0.3)
+        assert loops.standing("course").state.action == "start"
+
+
+def _tell(agents: dict[str, object], *, person_distance: float) -> None:
+    told = {
+        "navigation": {"battery_level": 80.0, "bumped": False},
+        "person_detection": {"person_distance": person_distance},
+        "lasers": {"strange_gap": person_distance - 0.7},
+        "fork": {"loaded": False},
+        "picker_page": {"container_load": "empty"},
+        "mission": {"order_open": True},
+    }
+    for agent, values in told.items():
+        for name, value in values.items():
+            agents[agent].set(name, value)  # type: ignore[attr-defined]
+
+
+# Loops and observers
+
+FAN = """\
+codra: 1
+name: fan
+context:
+  heat: {type: float, range: [0, 40], valid_for: 10 s, terms: {hot: ramp 20 30}}
+  plugged: {type: bool, source: main_execution}
+  rpm: {type: float, range: [0, 3000], source: adaptation}
+perception:
+  feel:
+    call: tests.generation.emit.test_emit_loops:feel
+    returns: {celsius: {type: float, range: [0, 40]}}
+    identifies: {heat: celsius}
+skills:
+  mend: {preview: [plugged]}
+metrics:
+  comfort: {rules: [if heat is hot then low, if heat is not hot then high]}
+adaptation:
+  fan: {set: rpm, value: 3000 if comfort < 0.5 else 300}
+loops:
+  fan: {analyse: [comfort], adapt: [fan]}
+"""
+
+
+def feel(**_: object) -> dict[str, float]:
+    return {"celsius": 20.0}
+
+
+@pytest.fixture
+def fan(tmp_path: Path) -> Any:
+    """The package of a spec without knowledge, whose loop reads what an observer identifies."""
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "fan.yaml").write_text(FAN)
+    compiled = compile_paths([tmp_path / "fan.yaml"], tmp_path)
+    assert compiled.planned.diagnostics == ()
+    return load_emitted(compiled.files, "fan", tmp_path / "made")
+
+
+def test_observers_look_at_what_a_loop_decides_on_while_it_runs(fan: Any, tmp_path: Path) -> None:
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
+        with fan.loops(codra, clock=clock):
+            clock.sleep(3.0)
+            assert (codra.get("heat").value, codra.get("rpm").value) == (20.0, 300.0)
+            assert codra.declared() == {"heat"}
+        assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, fan.MODEL, fan.Fan, None).difference is None
+
+
+def test_a_loop_that_is_stopped_while_it_starts_in_another_thread_declares_nothing_more(fan: Any) -> None:
+    is_starting, may_go_on = threading.Event(), threading.Event()
+
+    class Slow(Planning):
+        def resume(self) -> None:
+            is_starting.set()
+            assert may_go_on.wait(10.0)
+
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}) as codra:
+        mape = Mape(codra, import_module(f"{fan.__name__}.mape").MAPE, clock=clock, planner=Slow)
+        starting = threading.Thread(target=mape.start)
+        starting.start()
+        assert is_starting.wait(10.0)
+        mape.stop()
+        may_go_on.set()
+        starting.join(10.0)
+        assert (mape.loop("fan").is_running, codra.declared()) == (False, frozenset())
+        mape.start()
+        assert codra.declared() == {"heat"}
+        mape.close()
+        assert codra.declared() == frozenset()
+
+
+def test_why_of_an_adaptation_is_told_without_knowledge_too_and_a_slip_is_put_right(fan: Any) -> None:
+    clock = SimClock()
+    with fan.start(clock=clock, resources={}) as codra, fan.loops(codra, clock=clock):
+        clock.sleep(1.0)
+        assert "fan is 300 at 1 s" in str(codra.why("fan"))
+        with pytest.raises(UnknownNameError, match=r"the spec has no variable 'haet': did you mean 'heat'\?"):
+            codra.why("haet")

@@ -1,0 +1,160 @@
+"""What mypy says about a user's program: names, values and skills of a spec are checked before the robot moves."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.compiler import compile_paths
+from codra_dsl.generation.emit.entry import MOST_ENUMS
+
+ROOT = Path(__file__).parents[3]
+PROGRAM = """\
+from codra_dsl.runtime import Reading, SimClock, Verification
+from codra_dsl.runtime.values.conditions import value
+from generated import kitchen
+
+
+def look_at_kettle() -> kitchen.KettleState | None:
+    return "hot"
+
+
+def look(variable: str) -> object:
+    return None
+
+
+def drive(codra: kitchen.Kitchen) -> None:
+    is_open: bool = codra.get("fridge_open").value
+    water: Reading[float] = codra.get("kettle_water")
+    codra.set("robot_place", "stove")
+    codra.set("kettle_water", 1, evidence_s=2.0)
+    codra.declare("light_is_on", is_open)
+    codra.declare("pot_on_hob")
+    state: kitchen.KettleState | None = codra.decide("kettle_state", look_at_kettle, max_age_s=5.0)
+    docked: bool = codra.decide("kettle_docked", otherwise=lambda: True, wait_up_to_s=2.0)
+    found: bool | None = codra.decide("kettle_docked", otherwise=lambda: None)
+    with codra.skill("boil_water") as skill, skill.acting():
+        outcome: Verification = skill.verify(look)
+    codra.subscribe(["kettle_state", "fridge_open"], lambda reading: print(reading.content))
+    if codra.wait_for("hob_power", 2.0) or codra.wait_for(value("hob_power") > 10.0, 2.0):
+        print(water, state, docked, found, outcome)
+    for name in codra.modelled():
+        print(name)
+
+
+with kitchen.start(clock=SimClock(), resources={}) as codra:
+    drive(codra)
+"""
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+def errors_in(program: str, folder: Path, cache: Path, root: Path = ROOT) -> list[tuple[str, str]]:
+    """Return, for each error that mypy finds in a program, its line and its code."""
+    file = folder / "robot_program.py"
+    file.write_text(program, "utf-8")
+    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--cache-dir", str(cache), str(file)]
+    done = subprocess.run(command, cwd=root, text=True, capture_output=True, check=False, stdin=subprocess.DEVNULL)
+    assert not done.stderr
+    found = re.findall(r"^\S+:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE)
+    assert len(found) == done.stdout.count(" error: ")
+    lines = program.splitlines()
+    return [(lines[int(number) - 1].strip(), code) for number, code in found]
+
+
+def test_a_right_program_has_no_error(tmp_path: Path, cache: Path) -> None:
+    assert errors_in(PROGRAM, tmp_path, cache) == []
+
+
+def test_three_wrong_uses_are_three_errors(tmp_path: Path, cache: Path) -> None:
+    wrong = PROGRAM.replace('get("fridge_open")', 'get("fridge_opne")')
+    wrong = wrong.replace('"robot_place", "stove"', '"robot_place", "stoove"')
+    wrong = wrong.replace('skill("boil_water")', 'skill("boil_whater")')
+    assert errors_in(wrong, tmp_path, cache) == [
+        ('is_open: bool = codra.get("fridge_opne").value', "call-overload"),
+        ('codra.set("robot_place", "stoove")', "call-overload"),
+        ('with codra.skill("boil_whater") as skill, skill.acting():', "arg-type"),
+    ]
+
+
+def test_each_other_wrong_use_is_one_error(tmp_path: Path, cache: Path) -> None:
+    wrong = [
+        'codra.set("kettle_water", "full")',
+        'codra.set("fridge_open", 2)',
+        'codra.set("kettle", True)',
+        'codra.declare("light_is_on", "yes")',
+        'codra.declare("lihgt_is_on")',
+        'codra.decide("kettle_docked", otherwise=lambda: "there")',
+        'text: str = codra.get("kettle_water").value',
+        'codra.get("kettle_state").value == "boilling"',
+        'codra.expect("boil_water", "cok")',
+        'codra.history("kettle")',
+        'codra.subscribe("kettle", print)',
+        'codra.wait_for("kettle", 1.0)',
+        'codra.withdraw("kettle")',
+        'codra.agent("wall_switch").set("light", True)',
+    ]
+    program = PROGRAM + "".join(f"    {line}\n" for line in wrong)
+    assert [line for line, _ in errors_in(program, tmp_path, cache)] == wrong
+
+
+LONG = "state_of_the_third_drawer_from_above_in_the_laboratory_on_the_left"
+
+
+def made(lines: list[str], folder: Path) -> None:
+    """Compile a spec with some variables, and require that ruff would not write it otherwise."""
+    (folder / "specs").mkdir()
+    (folder / "specs/drawers.yaml").write_text("\n".join(["codra: 1", "name: drawers", "context:", *lines, ""]))
+    compilation = compile_paths([folder / "specs/drawers.yaml"], folder)
+    for path, text in compilation.files.items():
+        (folder / "generated" / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "generated" / path).write_text(text, "utf-8")
+    ruff = Path(sys.executable).with_name("ruff")
+    command = (ruff, "format", "--isolated", "--line-length", "120", "--diff", folder / "generated")
+    assert subprocess.run(command, check=False, capture_output=True).returncode == 0
+
+
+def drawers(count: int) -> list[str]:
+    return [
+        f"  {LONG}_{number}: {{type: enum, values: [open, shut_{number}], source: main_execution}}"
+        for number in range(count)
+    ]
+
+
+def test_one_enum_with_a_long_name_is_typed(tmp_path: Path, cache: Path) -> None:
+    made(drawers(1), tmp_path)
+    program = f"""\
+from generated import drawers
+
+
+def use(codra: drawers.Drawers) -> None:
+    codra.set("{LONG}_0", "shut_0")
+    codra.set("{LONG}_0", "shut")
+"""
+    assert errors_in(program, tmp_path, cache, root=tmp_path) == [(f'codra.set("{LONG}_0", "shut")', "arg-type")]
+
+
+def test_many_enums_with_long_names_stay_readable_and_typed(tmp_path: Path, cache: Path) -> None:
+    made([*drawers(MOST_ENUMS + 5), "  ready: {type: bool, source: main_execution}"], tmp_path)
+    text = (tmp_path / "generated/drawers/__init__.py").read_text("utf-8")
+    assert text.count("def get(") == MOST_ENUMS + 4
+    program = f"""\
+from generated import drawers
+
+
+def use(codra: drawers.Drawers) -> None:
+    first: str = codra.get("{LONG}_0").value
+    last: str = codra.get("{LONG}_54").value
+    codra.set("{LONG}_0", "shut_1")
+    codra.set("{LONG}_54", first + last)
+"""
+    assert errors_in(program, tmp_path, cache, root=tmp_path) == [
+        (f'codra.set("{LONG}_0", "shut_1")', "call-overload"),
+    ]

@@ -1,0 +1,374 @@
+"""States of RAFCON that say in their semantic data what they have to do with context."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+import pytest
+from rafcon.core.singleton import global_variable_manager, state_machine_execution_engine
+from rafcon.core.states.barrier_concurrency_state import BarrierConcurrencyState
+from rafcon.core.states.library_state import LibraryState
+from rafcon.core.states.preemptive_concurrency_state import PreemptiveConcurrencyState
+from rafcon.core.states.state import StateExecutionStatus
+
+from codra_dsl.integrations.rafcon import AnnotationError, Answers, register, run_in_real_time, run_in_simulated_time
+from codra_dsl.runtime import ContextManager, Journal, Kind, SimClock, WallClock
+from tests.integrations.rafcon.machines import Robot, decisions, machine_of, run, script, sequence
+from tests.runtime.door import MODEL, Door, Manager, started
+
+DECIDE = {"decide": "open"}
+
+
+def known(value: bool) -> object:
+    def before(manager: Manager, _: SimClock) -> None:
+        manager.declare("open", value=value)
+
+    return before
+
+
+# Skills
+
+
+def test_a_skill_is_declared_while_its_state_runs_and_no_longer() -> None:
+    skill = sequence("open", script("pull"), says={"skill": "open_door"})
+    ended, robot = run(script("drive"), skill, script("look", "drive"))
+
+    assert ended.outcome == "success"
+    assert robot.called == ["drive", "pull", "drive"]
+    assert robot.declared == [frozenset(), {"open", "near"}, frozenset()]
+    assert robot.left == frozenset()
+
+
+def test_a_skill_that_is_aborted_is_withdrawn_and_the_error_is_told() -> None:
+    ended, robot = run(sequence("open", script("fail"), says={"skill": "open_door"}))
+
+    assert (ended.outcome, str(ended.error)) == ("aborted", "the arm is stuck")
+    assert (robot.declared, robot.left) == ([{"open", "near"}], frozenset())
+
+
+def test_what_a_state_expects_is_declared_while_it_runs() -> None:
+    skill = sequence("open", script("pull"), says={"skill": "open_door"})
+    _, robot = run(script("drive", says={"expect": "open_door, drive"}), skill)
+
+    assert robot.declared[0] == {"open", "near"}
+
+
+def test_acting_makes_unknown_what_the_skill_changes() -> None:
+    act = script("pull", says={"acting": "open_door"})
+    _, robot = run(sequence("open", act, says={"skill": "open_door"}), before=known(False))
+    reasons = [event.details.get("reason") for event in robot.manager.record.of(Kind.VARIABLE) if event.name == "open"]
+
+    assert "invalidated" in reasons
+
+
+# Decisions
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_a_state_that_looks_need_not_run_when_context_knows(value: bool) -> None:
+    ended, robot = run(script("look", says=DECIDE), before=known(value))
+
+    assert (ended.outcome, robot.called, decisions(robot)) == (str(value).lower(), [], ["answered"])
+
+
+@pytest.mark.parametrize("angle_rad", [0.0, 1.0])
+def test_a_state_looks_when_context_does_not_know_and_what_it_saw_is_kept(angle_rad: float) -> None:
+    look = script("look", says=DECIDE)
+    door = Door(angle_rad=angle_rad, markers=0)
+    ended, robot = run(sequence("open", look, says={"skill": "open_door"}), door=door)
+    (event,) = robot.manager.record.of(Kind.DECISION)
+
+    assert (ended.outcome, robot.called) == ("true" if angle_rad else "false", ["look"])
+    assert (event.what, event.details["found"], event.details["kept"]) == ("fell_back", angle_rad > 0, True)
+    assert event.instant_s - event.details["asked_s"] == 3.0
+
+
+def test_a_whole_state_of_states_need_not_run_either() -> None:
+    ended, robot = run(sequence("looks", script("look", says={**DECIDE}), says=DECIDE), before=known(True))
+
+    assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
+
+
+def test_a_state_of_a_library_need_not_run_either() -> None:
+    register()
+    state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
+    state.add_semantic_data([], DECIDE, "codra")
+    ended, robot = run(state, before=known(False))
+
+    assert (ended.outcome, decisions(robot)) == ("false", ["answered"])
+
+
+def test_an_outcome_that_says_no_value_means_that_nothing_was_found() -> None:
+    ended, robot = run(script("look", "see_nothing", says=DECIDE))
+    (event,) = robot.manager.record.of(Kind.DECISION)
+
+    assert (ended.outcome, event.details["found"]) == ("success", None)
+
+
+def test_outcomes_may_have_names_of_their_own() -> None:
+    look = script("look", says={**DECIDE, "outcomes": {"true": "wide", "false": "shut"}})
+    look.outcomes[1].name, look.outcomes[2].name = "wide", "shut"
+    ended, _ = run(look, before=known(False))
+
+    assert ended.outcome == "shut"
+
+
+def test_a_decision_waits_for_observers_as_long_as_it_says() -> None:
+    look = script("look", says={**DECIDE, "wait_up_to_s": "6"})
+    ended, robot = run(sequence("open", look, says={"skill": "open_door"}), door=Door(angle_rad=1.0))
+
+    assert (ended.outcome, robot.called, decisions(robot)) == ("true", [], ["answered"])
+    assert 0.0 < robot.clock.now_s() < 6.0
+
+
+def test_after_an_action_only_what_was_seen_after_its_end_counts() -> None:
+    """The lid moves in the last instant of the action, during which observers have seen it closed."""
+    steps = [script("pull", says={"acting": "open_door"}), script("look", says={**DECIDE, "wait_up_to_s": "8"})]
+    ended, robot = run(sequence("open", *steps, says={"skill": "open_door"}), door=Door(angle_rad=0.0))
+
+    assert (ended.outcome, decisions(robot)) == ("true", ["answered"])
+    assert any(reading.content is False for reading in robot.manager.history("open")), "nobody looked meanwhile"
+
+
+def test_in_shadow_the_state_looks_in_any_case() -> None:
+    ended, robot = run(script("look", says=DECIDE), before=known(True), answers=Answers.SHADOW)
+    (event,) = robot.manager.record.of(Kind.DECISION)
+
+    assert (ended.outcome, robot.called) == ("false", ["look"])
+    assert (event.what, event.details["agrees"]) == ("shadowed", False)
+
+
+def test_without_a_bridge_a_state_machine_does_what_it_always_did() -> None:
+    with started(Door()) as (manager, clock), machine_of(script("look", says=DECIDE)) as machine:
+        manager.declare("open", value=True)
+        run_in_simulated_time(machine, manager, clock, handles={"robot": Robot(clock, manager, Door())})
+        assert machine.root_state.final_outcome.name == "true"
+
+        machine.root_state.states["LOOK"].script_text = "def execute(self, inputs, outputs, gvm):\n    return 'false'\n"
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+        assert machine.root_state.final_outcome.name == "false"
+
+
+# The library
+
+
+@pytest.mark.parametrize(("value", "outcome"), [(True, "true"), (False, "false"), (None, "unknown")])
+def test_the_library_decides_with_an_outcome_of_its_own_for_unknown(value: bool | None, outcome: str) -> None:
+    register()
+    state = LibraryState("codra", "decide", name="open?", state_id="LIBRARY")
+    state.set_input_runtime_value(0, "open")
+    state.set_use_input_runtime_value(0, True)
+    ended, _ = run(state, before=known(value) if value is not None else lambda *_: None)
+
+    assert ended.outcome == ("success" if value is None else outcome), "the root's outcome 0 is its success"
+
+
+def test_the_library_expects_and_sets() -> None:
+    register()
+    expect, put = (LibraryState("codra", name, name=name, state_id=name.upper()) for name in ("expect", "set"))
+    for state, values in ((expect, ["open_door"]), (put, ["localized", False])):
+        for port, value in enumerate(values):
+            state.set_input_runtime_value(port, value)
+            state.set_use_input_runtime_value(port, True)
+    _, robot = run(expect, script("drive"), put, door=Door(markers=0))
+
+    assert robot.declared == [{"open"}]
+    assert robot.manager.get("localized").value is False
+
+
+# Files and time
+
+
+def test_in_simulated_time_the_same_run_writes_the_same_journal(tmp_path: Path) -> None:
+    for path in (tmp_path / "a.mcap", tmp_path / "b.mcap"):
+        door, clock = Door(), SimClock()
+        with ContextManager[str, str](MODEL, clock=clock, resources={"door": door}, record=Journal(path)) as manager:
+            manager.set("localized", True)
+            steps = [script("pull", says={"acting": "open_door"}), script("look", says={**DECIDE, "wait_up_to_s": "8"})]
+            with machine_of(sequence("open", *steps, says={"skill": "open_door"})) as machine:
+                robot = Robot(clock, manager, door)
+                assert run_in_simulated_time(machine, manager, clock, handles={"robot": robot}).outcome == "true"
+
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+def test_states_side_by_side_are_refused_in_simulated_time() -> None:
+    both = BarrierConcurrencyState("both", state_id="BOTH")
+    told = pytest.raises(ValueError, match=r"ROOT/BOTH runs states side by side.*use run_in_real_time")
+    with started(Door()) as (manager, clock), machine_of(both) as machine, told:
+        run_in_simulated_time(machine, manager, clock)
+
+
+def test_a_program_that_is_interrupted_stops_its_state_machine() -> None:
+    class Interrupted(Robot):
+        def drive(self) -> str:
+            raise KeyboardInterrupt
+
+    with started(Door()) as (manager, clock):
+        with machine_of(sequence("go", script("drive"), says={"skill": "drive"}), script("pull")) as machine:
+            robot = Interrupted(clock, manager, Door())
+            with pytest.raises(KeyboardInterrupt):
+                run_in_simulated_time(machine, manager, clock, handles={"robot": robot})
+
+        assert robot.called == ["drive"]
+        assert state_machine_execution_engine.finished_or_stopped()
+
+
+def test_in_real_time_states_ask_from_threads_of_their_own_and_a_wait_can_be_preempted() -> None:
+    look = script("look", says={**DECIDE, "wait_up_to_s": "3600"})
+
+    def stop() -> None:
+        while look.state_execution_status is not StateExecutionStatus.ACTIVE:
+            threading.Event().wait(0.01)
+        state_machine_execution_engine.stop()
+
+    with WallClock(start_s=0.0) as clock, machine_of(look) as machine:
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        threading.Thread(target=stop, daemon=True).start()
+        ended = run_in_real_time(machine, manager, clock)
+        (event,) = manager.record.of(Kind.DECISION)
+        assert (ended.outcome, event.details["raised"]) == ("preempted", "preempted")
+
+        look.script_text = "def execute(self, inputs, outputs, gvm):\n    return 'true'\n"
+        look.semantic_data = {"codra": DECIDE}
+        assert run_in_real_time(machine, manager, clock).outcome == "true", "it can be run again"
+        manager.close()
+
+
+# Mistakes
+
+
+def test_all_that_states_say_wrong_is_told_at_once_with_their_paths() -> None:
+    no_outcome = script("mute", says={"decide": "open"})
+    no_outcome.remove_outcome(1)
+    with_output = script("loud", says={"decide": "open"})
+    with_output.add_output_data_port("angle", float, 0.0, 0)
+    wrong = [
+        script("a", says={"skill": "opendoor"}),
+        script("b", says={"acting": "open_door"}),
+        script("c", says={"decide": "opem"}),
+        script("d", says={"desire": "open"}),
+        script("e", says={"decide": "open", "wait_up_to_s": "a while"}),
+        script("f", says={"wait_up_to_s": "3"}),
+        no_outcome,
+        with_output,
+    ]
+    with started(Door()) as (manager, clock), machine_of(*wrong) as machine:
+        with pytest.raises(AnnotationError) as raised:
+            run_in_simulated_time(machine, manager, clock)
+        assert not any("run" in vars(state) for state in machine.root_state.states.values())
+
+    assert str(raised.value).splitlines() == [
+        "ROOT/A (a): the spec has no skill 'opendoor'; it has 'drive', 'open_door'",
+        "ROOT/B (b): it acts for 'open_door', and no state around it has that as 'skill'",
+        "ROOT/C (c): the spec has no variable 'opem': did you mean 'open'?",
+        "ROOT/D (d): unknown key 'desire': there are skill, acting, expect, decide, outcomes, wait_up_to_s, max_age_s",
+        "ROOT/E (e): 'wait_up_to_s' is a number of seconds, not 'a while'",
+        "ROOT/F (f): 'wait_up_to_s' is for a state that decides: add 'decide'",
+        "ROOT/MUTE (mute): it has no outcome 'true': add it, or say in 'outcomes' which means what",
+        "ROOT/LOUD (loud): it may be left out, and then nobody makes its output 'angle': decide in another state",
+    ]
+
+
+def test_a_closed_context_manager_aborts_the_state_that_asks_it() -> None:
+    with started(Door()) as (manager, clock):
+        pass
+    with machine_of(sequence("open", script("pull"), says={"skill": "open_door"})) as machine:
+        ended = run_in_simulated_time(machine, manager, clock)
+
+    assert ended.outcome == "aborted"
+    assert "closed" in str(ended.error)
+
+
+def test_a_second_state_machine_is_refused_while_one_runs() -> None:
+    class Twice(Robot):
+        def drive(self) -> str:
+            with machine_of(script("pull")) as second:
+                run_in_simulated_time(second, self.manager, self.clock)
+            return "success"
+
+    with started(Door()) as (manager, clock), machine_of(script("drive")) as machine:
+        ended = run_in_simulated_time(machine, manager, clock, handles={"robot": Twice(clock, manager, Door())})
+
+    assert ended.outcome == "aborted"
+    assert "one engine a process" in str(ended.error)
+
+
+BEGIN = """from contextlib import ExitStack
+
+from codra_dsl.integrations.rafcon import Bridge
+from codra_dsl.runtime import ContextManager, Kind, WallClock
+from tests.runtime.door import MODEL, Door
+
+
+def execute(self, inputs, outputs, gvm):
+    stack = ExitStack()
+    clock = stack.enter_context(WallClock())
+    codra = stack.enter_context(ContextManager(MODEL, clock=clock, resources={"door": Door()}))
+    stack.enter_context(Bridge(codra, clock).attached(self.get_state_machine()))
+    codra.declare("open", value=True)
+    gvm.set_variable("at_the_end", stack, per_reference=True)
+    return "success"
+"""
+END = """def execute(self, inputs, outputs, gvm):
+    gvm.get_variable("at_the_end").close()
+    return "success"
+"""
+
+
+def test_a_state_can_attach_the_bridge_and_another_close_it_when_rafcon_itself_starts_the_machine() -> None:
+    begin, look, end = script("begin"), script("look", says=DECIDE), script("end")
+    begin.script_text, end.script_text = BEGIN, END
+    with machine_of(begin, look, end) as machine:
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+
+        assert machine.root_state.final_outcome.name == "success"
+        assert look.final_outcome.name == "true", "there is no robot, so it can only have been left out"
+        assert "run" not in vars(look)
+
+
+WAIT = """def execute(self, inputs, outputs, gvm):
+    self.preemptive_wait(60)
+    return "success"
+"""
+BRIEFLY = """def execute(self, inputs, outputs, gvm):
+    manager = gvm.get_variable("manager")
+    while "open" not in manager.declared():
+        self.preemptive_wait(0.01)
+    outputs["declared"] = sorted(manager.declared())
+    return "success"
+"""
+
+
+def test_side_by_side_in_real_time_the_first_to_end_preempts_the_other_whose_skill_is_withdrawn() -> None:
+    wait, briefly = script("wait", says={"skill": "open_door"}), script("briefly", says={"skill": "drive"})
+    wait.script_text, briefly.script_text = WAIT, BRIEFLY
+    briefly.add_output_data_port("declared", list, [], 0)
+    both = PreemptiveConcurrencyState("both", state_id="BOTH")
+    for state in (wait, briefly):
+        both.add_state(state)
+        both.add_transition(state.state_id, 0, both.state_id, 0)
+    with WallClock(start_s=0.0) as clock, machine_of(both) as machine:
+        manager = ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()})
+        ended = run_in_real_time(machine, manager, clock, handles={"manager": manager})
+        left = manager.declared()
+        manager.close()
+
+    assert (ended.outcome, wait.final_outcome.name) == ("success", "preempted")
+    assert briefly.output_data["declared"] == ["near", "open"]
+    assert left == frozenset()
+
+
+def test_an_action_whose_skill_began_before_the_bridge_was_attached_says_so() -> None:
+    begin, act = script("begin"), script("pull", says={"acting": "open_door"})
+    begin.script_text = BEGIN
+    with machine_of(sequence("open", begin, act, says={"skill": "open_door"})) as machine:
+        state_machine_execution_engine.start(machine.state_machine_id)
+        state_machine_execution_engine.join()
+        global_variable_manager.get_variable("at_the_end").close()
+
+        assert act.final_outcome.name == "aborted"
+        assert "attach the bridge before it begins" in str(act.output_data["error"])

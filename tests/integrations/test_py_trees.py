@@ -1,0 +1,478 @@
+"""A user's own py_trees tree, which acts and decides on context."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from py_trees.behaviour import Behaviour
+from py_trees.behaviours import Success
+from py_trees.common import ParallelPolicy, Status
+from py_trees.composites import Parallel, Selector, Sequence
+from py_trees.trees import BehaviourTree
+
+from codra_dsl.integrations.py_trees import Acting, ContextIs, Decide, DuringSkill, Expecting
+from codra_dsl.runtime import ContextManager, ContextModel, Kind, SimClock, UnknownNameError
+from codra_dsl.runtime.values.model import VariableModel, real
+from tests.runtime.door import Door, Manager, started
+
+TICK_S = 0.1
+
+
+class Takes(Behaviour):
+    """An action of the robot that takes time, and ends as it is told."""
+
+    def __init__(
+        self,
+        name: str,
+        clock: SimClock,
+        duration_s: float,
+        ends: Status = Status.SUCCESS,
+        done: Callable[[], None] = lambda: None,
+    ) -> None:
+        super().__init__(name)
+        self._clock = clock
+        self._duration_s = duration_s
+        self._ends = ends
+        self._done = done
+        self._end_s = 0.0
+
+    def initialise(self) -> None:
+        self._end_s = self._clock.now_s() + self._duration_s
+
+    def update(self) -> Status:
+        if self._clock.now_s() < self._end_s:
+            return Status.RUNNING
+        self._done()
+        return self._ends
+
+
+class Urgent(Behaviour):
+    """A condition of higher priority that a test switches."""
+
+    def __init__(self) -> None:
+        super().__init__("urgent")
+        self.holds = False
+
+    def update(self) -> Status:
+        return Status.SUCCESS if self.holds else Status.FAILURE
+
+
+def tree_of(root: Behaviour, manager: Manager, clock: SimClock) -> BehaviourTree:
+    tree = BehaviourTree(root)
+    tree.setup(codra=manager, clock=clock)
+    return tree
+
+
+def ticked(tree: BehaviourTree, clock: SimClock, longest_s: float = 20.0) -> Status:
+    """Tick until the tree has come to an end; return how."""
+    end_s = clock.now_s() + longest_s
+    while clock.now_s() < end_s:
+        tree.tick()
+        if tree.root.status is not Status.RUNNING:
+            return tree.root.status
+        clock.sleep(TICK_S)
+    return tree.root.status
+
+
+def decisions(manager: Manager) -> list[tuple[str, dict[str, Any]]]:
+    return [(event.what, dict(event.details)) for event in manager.record.of(Kind.DECISION)]
+
+
+# Conditions
+
+
+@pytest.mark.parametrize(("angle_rad", "status"), [(1.0, Status.SUCCESS), (0.0, Status.FAILURE)])
+def test_a_condition_succeeds_or_fails_by_the_value_that_is_known(angle_rad: float, status: Status) -> None:
+    with started(Door(angle_rad=angle_rad)) as (manager, clock):
+        manager.declare("open")
+        clock.sleep(5.0)
+
+        assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is status
+        assert decisions(manager) == []
+
+
+def test_a_condition_runs_while_the_variable_is_unknown_and_ends_when_it_is_seen() -> None:
+    with started(Door(angle_rad=1.0)) as (manager, clock):
+        manager.declare("open")
+        tree = tree_of(ContextIs("open?", "open", wait_up_to_s=10.0), manager, clock)
+        tree.tick()
+
+        assert tree.root.status is Status.RUNNING
+        assert "never_observed" in tree.root.feedback_message
+        assert ticked(tree, clock) is Status.SUCCESS
+
+
+@pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
+def test_a_condition_that_stays_unknown_ends_after_its_wait_as_the_user_chose(chosen: Status) -> None:
+    with started(Door(markers=0)) as (manager, clock):
+        manager.declare("open")
+        begun_s = clock.now_s()
+        tree = tree_of(ContextIs("open?", "open", wait_up_to_s=3.0, unknown=chosen), manager, clock)
+
+        assert ticked(tree, clock) is chosen
+        assert clock.now_s() - begun_s == pytest.approx(3.0)
+        assert tree.root.feedback_message.startswith("unknown")
+
+
+def test_a_condition_takes_old_evidence_for_unknown() -> None:
+    with started(Door()) as (manager, clock):
+        manager.declare("open", value=True)
+        manager.withdraw("open")
+        clock.sleep(5.0)
+
+        assert ticked(tree_of(ContextIs("open?", "open"), manager, clock), clock) is Status.SUCCESS
+        assert ticked(tree_of(ContextIs("open?", "open", max_age_s=4.0), manager, clock), clock) is Status.FAILURE
+
+
+def test_a_condition_on_a_number_wants_to_know_which_will_do() -> None:
+    gap = VariableModel(name="gap", type=real(), sources=("main_execution",))
+    model = ContextModel(name="gap", variables=(gap,), observers=())
+    clock = SimClock()
+    with ContextManager[str, str](model, clock=clock, resources={}) as manager:
+        manager.set("gap", 0.4)
+        tree = tree_of(ContextIs("wide?", "gap", holds=lambda gap: gap > 0.3), manager, clock)
+        assert ticked(tree, clock) is Status.SUCCESS
+
+        with pytest.raises(TypeError, match="holds=lambda value"):
+            tree_of(ContextIs("wide?", "gap"), manager, clock).tick()
+
+
+def test_a_condition_may_say_which_value_will_do() -> None:
+    with started(Door()) as (manager, clock):
+        manager.declare("open", value=True)
+        tree = tree_of(ContextIs("open?", "open", holds=lambda value: value is False), manager, clock)
+
+        assert ticked(tree, clock) is Status.FAILURE
+
+
+# Skills
+
+
+def test_a_skill_is_declared_while_its_subtree_runs_and_no_longer() -> None:
+    with started(Door()) as (manager, clock):
+        tree = tree_of(DuringSkill("open", Takes("pull", clock, 1.0), "open_door"), manager, clock)
+
+        assert manager.declared() == frozenset()
+        tree.tick()
+        assert manager.declared() == {"open", "near"}
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert manager.declared() == frozenset()
+
+
+def test_a_skill_that_fails_is_withdrawn() -> None:
+    with started(Door()) as (manager, clock):
+        tree = tree_of(DuringSkill("open", Takes("pull", clock, 1.0, Status.FAILURE), "open_door"), manager, clock)
+
+        assert ticked(tree, clock) is Status.FAILURE
+        assert manager.declared() == frozenset()
+        assert manager.running() == frozenset()
+
+
+def test_a_higher_priority_withdraws_what_a_skill_declared_and_it_can_run_again() -> None:
+    with started(Door()) as (manager, clock):
+        urgent = Urgent()
+        skill = DuringSkill("open", Acting("act", Takes("pull", clock, 5.0)), "open_door")
+        tree = tree_of(Selector("root", memory=False, children=[urgent, skill]), manager, clock)
+        tree.tick()
+        assert manager.declared() == {"open", "near"}
+
+        urgent.holds = True
+        tree.tick()
+        assert manager.declared() == frozenset()
+        urgent.holds = False
+        tree.tick()
+        assert manager.declared() == {"open", "near"}
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert manager.declared() == frozenset()
+
+
+def test_a_tick_that_raised_leaves_a_skill_declared_once_at_most() -> None:
+    class Breaks(Behaviour):
+        def update(self) -> Status:
+            raise ZeroDivisionError
+
+    with started(Door()) as (manager, clock):
+        tree = tree_of(DuringSkill("open", Breaks("breaks"), "open_door"), manager, clock)
+        for _ in range(3):
+            with pytest.raises(ZeroDivisionError):
+                tree.tick()
+        tree.interrupt()
+        tree.root.stop(Status.INVALID)
+
+        assert manager.declared() == frozenset()
+
+
+def test_acting_makes_unknown_what_the_skill_changes() -> None:
+    with started(Door(markers=0)) as (manager, clock):
+        manager.declare("open", value=False)
+        root = DuringSkill("open", Acting("act", Takes("pull", clock, 5.0)), "open_door")
+        tree = tree_of(root, manager, clock)
+        tree.tick()
+
+        assert manager.get("open").reason == "invalidated"
+
+
+def test_acting_outside_of_a_skill_is_reported_before_the_first_tick() -> None:
+    with started(Door()) as (manager, clock), pytest.raises(TypeError, match="put a DuringSkill around it"):
+        tree_of(Acting("act", Success("pull")), manager, clock)
+
+
+# What comes next
+
+
+def test_what_is_expected_is_declared_while_the_robot_still_drives() -> None:
+    with started(Door(angle_rad=1.0)) as (manager, clock):
+        drive = Expecting("then open", Takes("drive", clock, 4.0), "open_door")
+        decide = Decide("open?", Success("look"), "open", found=lambda: None)
+        tree = tree_of(
+            Sequence("root", memory=True, children=[drive, DuringSkill("open", decide, "open_door")]), manager, clock
+        )
+        tree.tick()
+        assert manager.declared() == {"open"}
+
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert [what for what, _ in decisions(manager)] == ["answered"]
+        assert manager.declared() == frozenset()
+
+
+@pytest.mark.parametrize("how", ["fails", "is interrupted"])
+def test_what_was_expected_is_taken_back_when_the_way_there(how: str) -> None:
+    with started(Door()) as (manager, clock):
+        urgent = Urgent()
+        ends = Status.FAILURE if how == "fails" else Status.SUCCESS
+        drive = Expecting("then open", Takes("drive", clock, 1.0, ends), "open_door")
+        tree = tree_of(Selector("root", memory=False, children=[urgent, drive]), manager, clock)
+        tree.tick()
+        assert manager.declared() == {"open"}
+        urgent.holds = how != "fails"
+
+        ticked(tree, clock)
+        assert manager.declared() == frozenset()
+
+
+def test_what_is_reset_does_not_take_back_what_another_expects() -> None:
+    with started(Door()) as (manager, clock):
+        first = Expecting("then open", Success("drive"), "open_door")
+        second = Expecting("then drive", Success("wait"), "drive")
+        root = Sequence("root", memory=True, children=[first, second])
+        assert ticked(tree_of(root, manager, clock), clock) is Status.SUCCESS
+
+        first.stop(Status.INVALID)
+        assert manager.declared() == {"near"}
+
+
+# Decisions
+
+
+def looking(clock: SimClock, door: Door, ends: Status = Status.SUCCESS) -> tuple[Behaviour, Callable[[], object]]:
+    """The robot's own perception as a subtree of three seconds, and what it saw."""
+    seen: list[bool] = []
+    look = Takes("look", clock, 3.0, ends, lambda: seen.append((door.angle_rad or 0.0) > 0.6))
+    return look, lambda: seen[-1]
+
+
+def test_a_decision_that_context_answers_does_not_tick_the_subtree_that_looks() -> None:
+    door = Door(angle_rad=1.0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door)
+        manager.declare("open")
+        clock.sleep(5.0)
+        tree = tree_of(Decide("open?", look, "open", found=found), manager, clock)
+        tree.tick()
+
+        assert (tree.root.status, look.status) == (Status.SUCCESS, Status.INVALID)
+        assert tree.root.feedback_message == "True, from context"
+
+
+def test_a_decision_that_context_cannot_answer_is_answered_by_the_subtree_and_kept() -> None:
+    door = Door(angle_rad=1.0, markers=0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door)
+        manager.declare("open")
+        begun_s = clock.now_s()
+        tree = tree_of(Decide("open?", look, "open", found=found), manager, clock)
+
+        assert ticked(tree, clock) is Status.SUCCESS
+        ((what, details),) = decisions(manager)
+        assert (what, details["found"], details["kept"]) == ("fell_back", True, True)
+        assert details["asked_s"] == begun_s
+        assert manager.get("open").source == "main_execution"
+        assert manager.get("open").start_s == begun_s
+
+
+def test_a_decision_waits_for_observers_before_the_subtree_looks() -> None:
+    door = Door(angle_rad=1.0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door)
+        manager.declare("open")
+        tree = tree_of(Decide("open?", look, "open", found=found, wait_up_to_s=5.0), manager, clock)
+        tree.tick()
+        assert (tree.root.status, tree.root.feedback_message) == (Status.RUNNING, "waiting for observers")
+
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert [what for what, _ in decisions(manager)] == ["answered"]
+        assert look.status is Status.INVALID
+
+
+@pytest.mark.parametrize("chosen", [Status.SUCCESS, Status.FAILURE])
+def test_a_subtree_that_could_not_look_makes_the_decision_what_the_user_chose(chosen: Status) -> None:
+    door = Door(markers=0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door, Status.FAILURE)
+        tree = tree_of(Decide("open?", look, "open", found=found, unknown=chosen), manager, clock)
+
+        assert ticked(tree, clock) is chosen
+        assert [(what, details["found"]) for what, details in decisions(manager)] == [("fell_back", None)]
+
+
+def test_a_decision_that_is_interrupted_says_so_in_the_record_and_is_asked_anew() -> None:
+    door = Door(angle_rad=1.0, markers=0)
+    with started(door) as (manager, clock):
+        urgent = Urgent()
+        look, found = looking(clock, door)
+        decide = Decide("open?", look, "open", found=found)
+        tree = tree_of(Selector("root", memory=False, children=[urgent, decide]), manager, clock)
+        tree.tick()
+        assert look.status is Status.RUNNING
+        urgent.holds = True
+        tree.tick()
+        urgent.holds = False
+
+        assert look.status is Status.INVALID
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert [details.get("raised") for _, details in decisions(manager)] == ["interrupted", None]
+
+
+def test_in_shadow_the_subtree_looks_in_any_case_and_the_record_says_whether_context_agrees() -> None:
+    door = Door(angle_rad=1.0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door)
+        manager.declare("open")
+        clock.sleep(5.0)
+        tree = tree_of(Decide("open?", look, "open", found=found, shadow=True), manager, clock)
+
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert [(what, details["agrees"]) for what, details in decisions(manager)] == [("shadowed", True)]
+
+
+def test_after_an_action_a_decision_counts_only_what_was_seen_after_its_end() -> None:
+    """The lid moves in the last instant: an observer that looked during the action has seen it closed."""
+    door = Door(angle_rad=0.0)
+    with started(door) as (manager, clock):
+        look, found = looking(clock, door)
+        pull = Takes("pull", clock, 6.0, done=lambda: setattr(door, "angle_rad", 1.0))
+        steps = [Acting("act", pull), Decide("open?", look, "open", found=found, wait_up_to_s=8.0)]
+        skill = DuringSkill("open", Sequence("steps", memory=True, children=list(steps)), "open_door")
+        tree = tree_of(skill, manager, clock)
+        clock.sleep(3.0)
+
+        assert ticked(tree, clock) is Status.SUCCESS
+        ((what, details),) = decisions(manager)
+        assert (what, details["value"]) == ("answered", True)
+        assert any(reading.content is False for reading in manager.history("open")), "nobody looked during the action"
+
+
+def test_two_branches_may_be_in_skills_of_their_own_at_the_same_time() -> None:
+    with started(Door()) as (manager, clock):
+        drive = DuringSkill("drive", Takes("wheels", clock, 2.0), "drive")
+        pull = DuringSkill("open", Takes("arm", clock, 1.0), "open_door")
+        both = Parallel("both", policy=ParallelPolicy.SuccessOnAll(), children=[drive, pull])
+        tree = tree_of(both, manager, clock)
+        tree.tick()
+        assert manager.declared() == {"near", "open"}
+        clock.sleep(1.0)
+        tree.tick()
+
+        assert manager.declared() == {"near"}
+        assert ticked(tree, clock) is Status.SUCCESS
+        assert manager.declared() == frozenset()
+
+
+# Mistakes
+
+
+def test_a_name_that_the_spec_lacks_is_reported_before_the_first_tick() -> None:
+    with started(Door()) as (manager, clock):
+        with pytest.raises(UnknownNameError, match="did you mean 'open'"):
+            tree_of(ContextIs("open?", "opem"), manager, clock)
+        with pytest.raises(UnknownNameError, match="open_door"):
+            tree_of(DuringSkill("open", Success("pull"), "opendoor"), manager, clock)
+
+
+def test_a_tree_without_a_context_manager_is_told_how_to_get_one() -> None:
+    with pytest.raises(TypeError, match=r"call tree.setup\(codra=codra, clock=clock\)"):
+        BehaviourTree(ContextIs("open?", "open")).setup()
+    with pytest.raises(RuntimeError, match=r"call tree.setup\(codra=codra, clock=clock\)"):
+        BehaviourTree(ContextIs("open?", "open")).tick()
+
+
+# Any tree
+
+WHOSE = {"drive": {"near"}, "open_door": {"open", "near"}}
+"""What each skill previews and monitors."""
+
+Shape = tuple[object, ...]
+LEAVES = st.tuples(
+    st.just("takes"), st.sampled_from([0.0, 0.3, 1.0]), st.sampled_from([Status.SUCCESS, Status.FAILURE])
+)
+WITHIN_SKILLS = st.recursive(
+    LEAVES | st.just(("urgent",)) | st.just(("is",)),
+    lambda shapes: st.one_of(
+        st.tuples(
+            st.sampled_from(["sequence", "selector", "parallel", "reactive"]), st.lists(shapes, min_size=1, max_size=3)
+        ),
+        st.tuples(st.sampled_from(["skill drive", "skill open_door", "acting", "decide"]), shapes),
+    ),
+    max_leaves=8,
+)
+
+
+def built(shape: Shape, clock: SimClock, urgent: list[Urgent]) -> Behaviour:
+    """The tree of a shape; what is urgent in it is noted."""
+    what, *rest = shape
+    match what:
+        case "takes":
+            return Takes("takes", clock, *rest)
+        case "urgent":
+            urgent.append(Urgent())
+            return urgent[-1]
+        case "is":
+            return ContextIs("is", "open", wait_up_to_s=0.5)
+        case "acting":
+            return Acting("acting", built(rest[0], clock, urgent))
+        case "decide":
+            return Decide("decide", built(rest[0], clock, urgent), "open", found=lambda: True, wait_up_to_s=0.2)
+        case "skill drive" | "skill open_door":
+            return DuringSkill(what, built(rest[0], clock, urgent), what.removeprefix("skill "))
+    children = [built(each, clock, urgent) for each in rest[0]]
+    if what == "parallel":
+        return Parallel(what, policy=ParallelPolicy.SuccessOnAll(synchronise=False), children=children)
+    composite = Selector if what == "selector" else Sequence
+    return composite(what, memory=what != "reactive", children=children)
+
+
+@given(shape=WITHIN_SKILLS, switches=st.lists(st.tuples(st.integers(0, 7), st.booleans()), min_size=1, max_size=12))
+def test_whatever_a_tree_does_exactly_the_skills_that_run_are_declared(
+    shape: Shape, switches: list[tuple[int, bool]]
+) -> None:
+    with started(Door(angle_rad=1.0)) as (manager, clock):
+        urgent: list[Urgent] = []
+        root = DuringSkill("root", built(shape, clock, urgent), "drive")
+        tree = tree_of(root, manager, clock)
+        for which, holds in switches:
+            for one in urgent[which : which + 1]:
+                one.holds = holds
+            tree.tick()
+            clock.sleep(TICK_S)
+            running = [
+                node for node in root.iterate() if isinstance(node, DuringSkill) and node.status is Status.RUNNING
+            ]
+            assert manager.declared() == {name for node in running for name in WHOSE[node.begun.model.name]}
+        root.stop(Status.INVALID)
+
+        assert manager.declared() == frozenset()
+        assert manager.running() == frozenset()

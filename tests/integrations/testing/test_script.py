@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from codra_dsl.integrations.testing.script import Script
+from codra_dsl.integrations.testing.timeline import Behaviour, Fault
+from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.clock import Work
+from codra_dsl.runtime.values.model import Algorithm
+
+PLACE = Place(Span("told.yaml", 1, 1, 1, 1))
+
+
+class Counter:
+    """Perceives how often it has perceived."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def perceive(self, *, job: Any) -> dict[str, object]:
+        self.count += 1
+        return {"count": self.count, "at_s": job.now_s()}
+
+
+def in_a_job(perceive: Callable[..., object]) -> object:
+    found: list[object] = []
+    clock = SimClock()
+
+    def run(work: Work) -> object:
+        return perceive(job=work)
+
+    clock.start(run, found.append)
+    clock.sleep(10.0)
+    return found[0]
+
+
+def test_a_class_of_the_user_keeps_its_state_when_a_job_of_its_fails() -> None:
+    script = Script((), ())
+    made = script.function(Algorithm(name="count", call="tests.integrations.testing.test_script:Counter"))
+    assert isinstance(made, type)
+    counter = made()
+
+    assert in_a_job(counter.perceive) == {"count": 1, "at_s": 0.0}
+    script.change(Behaviour(algorithm="count", place=PLACE, fault=Fault(raises="no frame", jobs=1)))
+    with pytest.raises(RuntimeError, match="no frame"):
+        in_a_job(counter.perceive)
+
+    assert in_a_job(counter.perceive) == {"count": 2, "at_s": 0.0}

@@ -1,0 +1,177 @@
+"""Checked specs built by hand, for tests of the stages after the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from codra_dsl.language.check.checked.spec import CheckedAlgorithm, CheckedCondition, CheckedSpec
+from codra_dsl.language.diagnostics import Place, Span
+from codra_dsl.language.model import (
+    Algorithm,
+    Condition,
+    Expectation,
+    Expected,
+    Identification,
+    Kind,
+    Literal,
+    ObserverSetting,
+    Reference,
+    Resource,
+    Returned,
+    Skill,
+    Spec,
+    Usage,
+    Use,
+    ValueType,
+    Variable,
+)
+
+FILE = "specs/lab.yaml"
+
+
+def place(line: int = 1, file: str = FILE) -> Place:
+    return Place(Span(file, line, 1, line, 2))
+
+
+def reference(name: str) -> Reference:
+    return Reference(name=name, place=place())
+
+
+def condition(text: str, *variables: str, python: str | None = None) -> CheckedCondition:
+    lowered = python if python is not None else f"value({text!r})"
+    return CheckedCondition(text=text, python=lowered, variables=variables or (text,), place=place())
+
+
+def variable(name: str, **fields: object) -> Variable:
+    known = {"name": name, "type": ValueType(kind=Kind.BOOL), "place": place(), "label": name} | fields
+    return Variable(**({"sources": (reference("observer"),)} | known))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pi:
+    """A perception algorithm in short form: its needs and its variables.
+
+    Attributes:
+        identifies: variables, or pairs of a variable and its lowered condition.
+        feedback: the names in `needs` that it does not wait for.
+    """
+
+    name: str
+    identifies: Sequence[str | tuple[str, str]]
+    needs: Sequence[str | CheckedCondition] = ()
+    given: Sequence[str] = ()
+    accept: Sequence[CheckedCondition] = ()
+    feedback: Sequence[str] = ()
+    rank: int = 1
+    call: str = "robot.perception:look"
+    parameters: Mapping[str, Literal] | None = None
+    uses: Sequence[Usage] = ()
+    returns: Sequence[Returned] = ()
+    timeout_s: float = 5.0
+    place: Place = field(default_factory=place)
+
+    def checked(self) -> CheckedAlgorithm:
+        needs = tuple(need if isinstance(need, CheckedCondition) else condition(need) for need in self.needs)
+        pairs = [
+            (identified, "value('seen')") if isinstance(identified, str) else identified
+            for identified in self.identifies
+        ]
+        read = {name for need in needs for name in need.variables} | set(self.given)
+        algorithm = Algorithm(
+            name=self.name,
+            place=self.place,
+            call=self.call,
+            parameters=tuple((self.parameters or {}).items()),
+            uses=tuple(self.uses),
+            given=tuple(map(reference, self.given)),
+            returns=tuple(self.returns),
+            identifies=tuple(
+                Identification(variable=reference(name), by=Condition(text=text, tree=None, place=place()))
+                for name, text in pairs
+            ),
+            timeout_s=self.timeout_s,
+            rank=self.rank,
+        )
+        return CheckedAlgorithm(
+            algorithm=algorithm,
+            observable_when=needs,
+            accept_when=tuple(self.accept),
+            identifies=tuple((name, condition(text, "seen", python=text)) for name, text in pairs),
+            waits_for=tuple(sorted(read - set(self.feedback))),
+            feedback=tuple(sorted(self.feedback)),
+        )
+
+
+def skill(name: str, preview: Sequence[str], monitor: Sequence[str] = ()) -> Skill:
+    watched = (
+        Expectation(variable=reference(monitored), expected=Expected.WATCHED, place=place()) for monitored in monitor
+    )
+    return Skill(name=name, place=place(), preview=tuple(map(reference, preview)), monitor=tuple(watched))
+
+
+def setting(name: str, *variables: str, period_s: float = 1.0, priority: int = 0) -> ObserverSetting:
+    identifies = tuple(map(reference, variables))
+    return ObserverSetting(name=name, place=place(), identifies=identifies, period_s=period_s, priority=priority)
+
+
+def checked_spec(
+    algorithms: Iterable[Pi],
+    *,
+    name: str = "lab",
+    skills: Sequence[Skill] = (),
+    observers: Sequence[ObserverSetting] = (),
+    variables: Iterable[Variable] = (),
+    resources: Sequence[Resource] = (),
+    uses: Sequence[Use] = (),
+    origins: Mapping[tuple[str, str], str] | None = None,
+) -> CheckedSpec:
+    """Return the checked spec that load and check would return for these elements.
+
+    Undeclared variables are bools: with `observer` as source if an algorithm identifies them, else with the main
+    execution as source.
+    """
+    by_name = {algorithm.name: algorithm.checked() for algorithm in algorithms}
+    declared = _variables(by_name, variables, skills)
+    makers: dict[str, list[str]] = {}
+    for maker, algorithm in by_name.items():
+        for identified, _ in algorithm.identifies:
+            makers.setdefault(identified, []).append(maker)
+    producers = {
+        declared_name: tuple(sorted(makers[declared_name], key=lambda maker: (by_name[maker].algorithm.rank, maker)))
+        for declared_name in declared
+        if declared_name in makers
+    }
+    decided = [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
+    homes = {("context", variable_name): "lab" for variable_name in declared}
+    homes |= {("perception", algorithm_name): "lab" for algorithm_name in by_name}
+    homes |= {("skills", one.name): "lab" for one in skills}
+    spec = Spec(
+        name=name,
+        place=place(),
+        file=FILE,
+        files=(FILE,),
+        context=tuple(declared.values()),
+        perception=tuple(checked.algorithm for checked in by_name.values()),
+        skills=tuple(skills),
+        observers=tuple(observers),
+        resources=tuple(resources),
+        uses=tuple(uses),
+        origins=homes | dict(origins or {}),
+    )
+    decisions = tuple(dict.fromkeys(decided if skills else producers))
+    return CheckedSpec(spec=spec, variables=declared, algorithms=by_name, producers=producers, decisions=decisions)
+
+
+def _variables(
+    algorithms: Mapping[str, CheckedAlgorithm], variables: Iterable[Variable], skills: Sequence[Skill]
+) -> dict[str, Variable]:
+    declared = {known.name: known for known in variables}
+    for algorithm in algorithms.values():
+        for name, _ in algorithm.identifies:
+            declared.setdefault(name, variable(name))
+    wanted = [name for algorithm in algorithms.values() for name in algorithm.needs]
+    wanted += [watched.name for one in skills for watched in (*one.preview, *(seen.variable for seen in one.monitor))]
+    for name in wanted:
+        declared.setdefault(name, variable(name, sources=(reference("main_execution"),)))
+    return declared

@@ -1,0 +1,63 @@
+"""Adaptations that depend on themselves: which are errors, which are warnings, and which are allowed."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.language.check.specs import findings
+
+SPEC = """\
+codra: 1
+name: truck
+context:
+  distance: {{type: float, unit: m, range: [0, 10], source: laser}}
+  max_speed: {{type: float, unit: m/s, range: [0, 1.5], source: {source}}}
+agents: {{laser: {{}}}}
+adaptation:
+  speed: {{set: max_speed, value: '{value}', dwell: {dwell}}}
+loops:
+  driving: {{adapt: [speed]}}
+"""
+
+
+def codes(value: str, source: str = "adaptation", dwell: str = "0 s") -> list[str]:
+    return [finding.rule.code for finding in findings(SPEC.format(value=value, source=source, dwell=dwell))]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "0.3 m/s if max_speed > 1 m/s else 1.2 m/s",
+        "0.3 m/s if known(max_speed) and max_speed > 1 m/s else 1.2 m/s",
+        "max_speed",
+        "0.3 m/s if distance < 2 m and max_speed > 1 m/s else max_speed",
+        "1 m/s if not known(max_speed) or max_speed == 0 else 0",
+    ],
+)
+def test_an_adaptation_that_never_sets_or_never_becomes_stable_is_an_error(value: str) -> None:
+    assert codes(value) == ["CDR5134"]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "0.3 m/s if distance < 2 m or known(max_speed) and max_speed < 1 m/s and distance < 3 m else 1.2 m/s",
+        "0.3 m/s if not known(max_speed) or max_speed < 0.2 m/s else max_speed * 0.5",
+        "0.3 m/s if max_speed > 0.1 m/s else 0.3 m/s",
+    ],
+)
+def test_feedback_that_can_become_stable_is_a_warning(value: str) -> None:
+    assert codes(value) == ["CDR7127"]
+
+
+def test_feedback_that_alternates_with_a_dwell_is_a_warning() -> None:
+    assert codes("0.3 m/s if known(max_speed) and max_speed > 1 m/s else 1.2 m/s", dwell="10 s") == ["CDR7127"]
+
+
+def test_a_variable_with_another_source_does_not_wait_for_itself() -> None:
+    assert codes("min(max_speed, 1 m/s)", source="[adaptation, laser]") == ["CDR7127"]
+
+
+@pytest.mark.parametrize("value", ["0.3 m/s if distance < 2 m else 1.2 m/s", "0.3 m/s"])
+def test_a_value_that_depends_only_on_other_variables_is_no_feedback(value: str) -> None:
+    assert codes(value) == []

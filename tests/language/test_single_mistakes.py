@@ -1,0 +1,54 @@
+"""Specs of three domains without a finding, and typical mistakes in them: each gives one finding.
+
+Each line of `single_mistakes/mistakes.jsonl` is one mistake: the spec, the correct text and the wrong text, the code of
+the finding, its line, the text that it underlines on that line, and the help.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.language.check import check
+from codra_dsl.language.diagnostics import Diagnostic, Span
+from codra_dsl.language.load import load_text
+
+HERE = Path(__file__).parent / "single_mistakes"
+SPECS = {path.stem: path.read_text("utf-8") for path in HERE.glob("*.yaml")}
+MISTAKES = [json.loads(line) for line in (HERE / "mistakes.jsonl").read_text("utf-8").splitlines()]
+NOT_YET_EFFECTIVE = "CDR81"
+
+
+def findings(text: str) -> list[Diagnostic]:
+    spec, diagnostics = load_text(text, "-", HERE)
+    if spec is not None:
+        diagnostics += check(spec)[1]
+    return [finding for finding in diagnostics if not finding.rule.code.startswith(NOT_YET_EFFECTIVE)]
+
+
+def marked(text: str, span: Span) -> str:
+    line = text.split("\n")[span.line - 1]
+    return (
+        line[span.column - 1 : span.end_column - 1] if span.end_line == span.line else f"{line[span.column - 1 :]}..."
+    )
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_the_specs_without_mistakes_give_no_finding(name: str) -> None:
+    assert findings(SPECS[name]) == []
+
+
+@pytest.mark.parametrize("mistake", MISTAKES, ids=lambda mistake: f"{mistake['spec']}: {mistake['instead']!r}")
+def test_one_mistake_gives_one_finding_at_its_place_with_its_help(mistake: dict[str, str]) -> None:
+    correct = SPECS[mistake["spec"]]
+    assert mistake["written"] in correct
+    text = correct.replace(mistake["written"], mistake["instead"], 1)
+
+    (finding,) = findings(text)
+
+    assert finding.rule.code == mistake["code"]
+    assert finding.place.span.line == mistake["line"]
+    assert marked(text, finding.place.span) == mistake["marked"]
+    assert finding.help == mistake["help"]

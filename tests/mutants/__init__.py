@@ -1,1 +1,0 @@
-"""One token of a valid spec is changed: is that found, and how near?"""

@@ -1,0 +1,154 @@
+"""`codra run` in real processes: what it refuses, how it ends, and what it stands."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.test_commands import DOOR, ROOT, codra, environment
+
+LAB = str(ROOT / "specs/lab.yaml")
+UNRULY = """\
+import time
+
+
+def raises(*, machine, base, job):
+    raise RuntimeError("no localisation")
+
+
+def sleeps(*, machine, camera, job):
+    camera.capture()
+    time.sleep(60.0)
+
+
+def errs(*, machine, camera, job):
+    return {"markers": "many"}
+"""
+
+
+@pytest.fixture
+def unruly(tmp_path: Path) -> Path:
+    """The laboratory with perception of another make, which stands beside the specs in the project."""
+    shutil.copytree(ROOT / "specs", tmp_path / "specs")
+    part = tmp_path / "specs/parts/machine.yaml"
+    text = part.read_text()
+    for name, replaced in (("measure_distance", "raises"), ("find_in_view", "sleeps"), ("localize_lid", "errs")):
+        text = text.replace(f"codra_papers.lab.perception.functions:{name}", f"unruly:{replaced}")
+    part.write_text(text.replace("timeout: 3 s", "timeout: 1 s"))
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "unruly.py").write_text(UNRULY)
+    return tmp_path
+
+
+def reasons(record: Path) -> Iterator[tuple[str, Any]]:
+    """Yield why variables became unknown while the run lasted."""
+    for line in record.read_text().splitlines():
+        event = json.loads(line)
+        if event["kind"] == "variable" and event["instant_s"] < 4.0:
+            yield event["name"], event.get("reason")
+
+
+def test_perception_that_raises_hangs_or_errs_costs_its_own_variables_and_nothing_else(unruly: Path) -> None:
+    settings = ("--naive", "--for", "4 s", "--pace", "real", "--out", f"{unruly}/out")
+    process = subprocess.Popen(
+        [sys.executable, "-m", "codra_dsl", "run", f"{unruly}/specs/lab.yaml", *settings],
+        cwd=ROOT,
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        output, errors = process.communicate(timeout=50.0)  # before the one that hangs would come back
+    finally:
+        process.kill()
+    found = dict(reasons(unruly / "out/record-naive.jsonl"))
+
+    assert (process.returncode, "Traceback" in errors) == (0, False)
+    assert output.startswith("4.0 s, 0 sample-processing loops")
+    assert re.search(r"^centrifuge_distance +0 +0 +0 +[1-9]", output, re.MULTILINE), "whose jobs all fail"
+    assert {found["centrifuge_in_observable_distance"], found["pcr_cycler_in_manipulation_distance"]} == {"failed"}
+    assert "timed_out" in {found.get("centrifuge_lid_in_FOV"), found.get("pcr_cycler_lid_in_FOV")}
+    assert "failed" in {found.get("centrifuge_open"), found.get("pcr_cycler_open")}
+    assert dict(reasons(unruly / "out/record-context-driven.jsonl"))["robot_is_localized"] is None
+
+
+def _heed_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def test_an_interrupted_run_exits_with_130(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "codra_dsl", "run", LAB, "--pace", "real", "--out", f"{tmp_path}/out"],
+        cwd=tmp_path,
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=_heed_interrupts,  # a shell makes jobs in the background ignore them  # noqa: PLW1509
+    )
+    while not (tmp_path / "out").exists() and process.poll() is None:
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=50.0)
+
+    assert (process.returncode, output, errors) == (130, "", "")
+
+
+def test_a_spec_for_something_else_is_told_what_the_lab_needs(tmp_path: Path) -> None:
+    (tmp_path / "door.yaml").write_text(DOOR)
+
+    done = codra("run", "door.yaml", "--out", "out", cwd=tmp_path)
+
+    assert done.returncode == 1
+    assert done.stderr.startswith(
+        "codra: 'door' does not run in the lab, whose main execution needs:\n  skill 'drive_to"
+    )
+    assert "  context-variable 'centrifuge_open' of type bool\n" in done.stderr
+    assert done.stderr.endswith("  resource 'vision' with slots\n")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_function_that_is_nowhere_is_named(unruly: Path) -> None:
+    (unruly / "unruly.py").unlink()
+
+    done = codra("run", "specs/lab.yaml", "--for", "5 s", cwd=unruly)
+
+    assert done.returncode == 1
+    assert "'lab' does not run in the lab: perception" in done.stderr
+    assert "No module named 'unruly'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--for", "soon"], "'soon' is no duration"),
+        (["--for", "forever"], "'forever' is no duration"),
+        (["--out", "taken"], "cannot write to 'taken': File exists"),
+        (["--out", "taken/below"], "cannot write to 'taken/below': Not a directory"),
+    ],
+)
+def test_what_a_run_cannot_do_is_refused_before_it_begins(tmp_path: Path, arguments: list[str], told: str) -> None:
+    (tmp_path / "taken").write_text("")
+
+    done = codra("run", LAB, *arguments, cwd=tmp_path)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    assert told in done.stderr
+
+
+def test_any_whole_number_is_a_seed(tmp_path: Path) -> None:
+    done = codra("run", LAB, "--seed", "-3", "--for", "500 ms", cwd=tmp_path)
+
+    assert done.returncode == 0
+    assert "runs/lab-seed--3/timeline.png" in done.stderr

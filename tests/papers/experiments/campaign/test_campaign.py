@@ -1,0 +1,267 @@
+"""Trials in processes of their own: what is kept, what is run anew, and what is told when one fails."""
+
+from __future__ import annotations
+
+import multiprocessing
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.integrations.inspection import SpecError
+from codra_papers.experiments.campaign.campaign import TRIALS, CampaignBusyError, Progress, run_campaign
+from codra_papers.experiments.campaign.records import records_of
+from codra_papers.experiments.campaign.workers import TrialError
+from codra_papers.experiments.lab.arms import NAIVE, NEED
+from codra_papers.experiments.lab.outcomes import Outcome
+from codra_papers.experiments.lab.run import Loops, Work
+from codra_papers.experiments.lab.trials import Trial
+from codra_papers.lab.simulator import gl
+from tests.papers.experiments.workloads import Dies, Exits, Raises, wanders
+
+SPECS = Path(__file__).parents[4] / "specs"
+KEPT = ("seed 301.json", "seed 302.json")
+
+
+def trial(seed: int = 301, work: Work | None = None, spec: Path = SPECS / "lab.yaml") -> Trial:
+    return Trial(
+        name=f"seed {seed}",
+        spec=spec,
+        seed=seed,
+        arms=(NEED, NAIVE),
+        work=work or Loops(),
+        duration_s=8.0,
+        frames_kept=2,
+    )
+
+
+TWO = (trial(301), trial(302))
+
+
+def run(
+    folder: Path, trials: tuple[Trial, ...] = TWO, processes: int | None = None
+) -> tuple[Mapping[str, Outcome], list[Progress]]:
+    told: list[Progress] = []
+    return run_campaign(trials, folder, processes=processes, progress=told.append), told
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a campaign of two trials."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    run(folder, processes=2)
+    return folder
+
+
+@pytest.fixture
+def kept(undisturbed: Path, tmp_path: Path) -> Path:
+    """A copy of that folder."""
+    return Path(shutil.copytree(undisturbed, tmp_path / "kept"))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def changed(before: Mapping[str, int], folder: Path) -> set[str]:
+    """The files that were written since."""
+    return {name for name, number in inodes(folder).items() if before.get(name) != number}
+
+
+def inodes(folder: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_ino for path in (folder / TRIALS).glob("*.json")}
+
+
+def test_a_campaign_keeps_a_record_and_the_frames_of_each_trial_and_nothing_else(undisturbed: Path) -> None:
+    names = {Path(name).parts[1] for name in files(undisturbed)}
+
+    assert names == {*KEPT, "seed 301", "seed 302"}
+    assert len(list((undisturbed / TRIALS / "seed 301").glob("*.png"))) == 2
+
+
+def test_one_process_gives_the_same_bytes_as_two(undisturbed: Path, tmp_path: Path) -> None:
+    outcomes, told = run(tmp_path, processes=1)
+
+    assert files(tmp_path) == files(undisturbed)
+    assert list(outcomes) == ["seed 301", "seed 302"]
+    assert [(each.done, each.total, each.found, each.latest) for each in told] == [
+        (0, 2, 0, ""),
+        (1, 2, 0, "seed 301"),
+        (2, 2, 0, "seed 302"),
+    ]
+
+
+def test_what_was_run_is_not_run_again_and_comes_to_the_same(kept: Path) -> None:
+    before = inodes(kept)
+    outcomes, told = run(kept)
+
+    assert changed(before, kept) == set()
+    assert [(each.done, each.found) for each in told] == [(2, 2)]
+    assert {name: outcome.seed for name, outcome in outcomes.items()} == {"seed 301": 301, "seed 302": 302}
+    assert outcomes["seed 301"].arms.keys() == {NEED.name, NAIVE.name}
+
+
+def truncate(folder: Path) -> None:
+    path = folder / KEPT[0]
+    path.write_bytes(path.read_bytes()[:-200])
+
+
+def add_a_digit(folder: Path) -> None:
+    path = folder / KEPT[0]
+    path.write_text(path.read_text().replace('"frames":', '"frames":1'))
+
+
+def lose_a_frame(folder: Path) -> None:
+    min((folder / "seed 301").glob("*.png")).unlink()
+
+
+def take_another_trials(folder: Path) -> None:
+    shutil.copy(folder / KEPT[1], folder / KEPT[0])
+
+
+def write_something_else(folder: Path) -> None:
+    (folder / KEPT[0]).write_bytes(b"\xff\xfe[]")
+
+
+@pytest.mark.parametrize("damage", [truncate, add_a_digit, lose_a_frame, take_another_trials, write_something_else])
+def test_a_record_that_is_damaged_or_of_something_else_is_as_if_it_were_not_there(
+    kept: Path, damage: Callable[[Path], None]
+) -> None:
+    damage(kept / TRIALS)
+
+    assert [record.read() is None for record in records_of(TWO, kept / TRIALS)] == [True, False]
+
+
+def test_only_what_is_missing_is_made_anew_and_then_all_is_as_it_was(undisturbed: Path, kept: Path) -> None:
+    before = inodes(kept)
+    add_a_digit(kept / TRIALS)
+    _, told = run(kept)
+
+    assert told[0].found == 1
+    assert changed(before, kept) == {KEPT[0]}
+    assert files(kept) == files(undisturbed)
+
+
+def test_another_trial_of_the_same_name_replaces_record_and_frames(kept: Path) -> None:
+    other = replace(trial(303), name="seed 301", frames_kept=1)
+    outcomes, told = run(kept, (other, TWO[1]))
+
+    assert told[0].found == 1
+    assert outcomes["seed 301"].seed == 303
+    assert len(list((kept / TRIALS / "seed 301").glob("*.png"))) == 1
+
+
+def test_what_a_killed_campaign_left_on_the_way_is_removed(kept: Path) -> None:
+    (kept / TRIALS / ".codra-left").mkdir()
+    (kept / TRIALS / ".codra-left/record").write_text("half of i")
+    run(kept)
+
+    assert not (kept / TRIALS / ".codra-left").exists()
+
+
+# What a record depends on
+
+
+def digest(spec: Path) -> str:
+    (record,) = records_of([trial(spec=spec)], Path())
+    return record.digest
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """The laboratory with its distance measured by a module of the project's own."""
+    shutil.copytree(SPECS, tmp_path / "project/specs")
+    part = tmp_path / "project/specs/parts/machine.yaml"
+    part.write_text(part.read_text().replace("codra_papers.lab.perception.functions:measure_distance", "own:measure"))
+    (tmp_path / "project/pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "project/own.py").write_text("def measure(*, machine, base, job):\n    return {}\n")
+    return tmp_path / "project"
+
+
+@pytest.mark.parametrize("name", ["specs/lab.yaml", "specs/parts/machine.yaml", "own.py"])
+def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(project: Path, name: str) -> None:
+    before = digest(project / "specs/lab.yaml")
+    with (project / name).open("a") as stream:
+        stream.write("# changed\n")
+
+    assert digest(project / "specs/lab.yaml") != before
+
+
+def test_a_record_depends_neither_on_other_files_nor_on_where_the_project_stands(project: Path) -> None:
+    before = digest(project / "specs/lab.yaml")
+    (project / "specs/notes.yaml").write_text("anything: else\n")
+    moved = project.rename(project.with_name("elsewhere"))
+
+    assert digest(moved / "specs/lab.yaml") == before
+
+
+def test_a_spec_with_errors_is_no_trial(project: Path) -> None:
+    (project / "specs/lab.yaml").write_text("codra: 1\n")
+
+    with pytest.raises(SpecError, match="name"):
+        run(project, (trial(spec=project / "specs/lab.yaml"),))
+
+
+# What is refused and how trials fail
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", ".hidden", "a/b", "/a", "a\nb", "a.json", "a.error", "é" * 101])
+def test_a_trial_whose_name_cannot_be_that_of_a_folder_is_refused(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ValueError, match="cannot be that of a folder"):
+        run(tmp_path, (replace(trial(), name=name),))
+
+
+def test_two_trials_of_one_name_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="two trials have the name 'seed 301'"):
+        run(tmp_path, (trial(301), trial(301)))
+
+
+def test_work_that_is_told_by_its_address_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="told by addresses"):
+        run(tmp_path, (trial(work=wanders),))
+
+
+def test_a_trial_that_raises_is_named_and_told_whole_in_a_file(tmp_path: Path) -> None:
+    with pytest.raises(TrialError) as raised:
+        run(tmp_path, (trial(7, Raises()),))
+
+    assert str(raised.value).startswith("trial 'seed 7' (seed 7): ZeroDivisionError: no robot at Mission (tests/")
+    assert raised.value.details == tmp_path / TRIALS / "seed 7.error"
+    assert "Traceback" in raised.value.details.read_text()
+    assert [path.name for path in (tmp_path / TRIALS).iterdir()] == ["seed 7.error"]
+
+
+def test_a_machine_without_graphics_is_told_of_before_a_trial_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gl, "_known", [])
+    monkeypatch.setenv("MUJOCO_GL", "egl")
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
+
+    with pytest.raises(TrialError, match=r"trial 'seed 301' \(seed 301\): no OpenGL that draws without a screen"):
+        run(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("work", "told"),
+    [(Dies(), "its process was ended by SIGKILL"), (Exits(), "its process ended by itself with exit code 3")],
+)
+def test_a_trial_whose_process_ends_is_named_and_no_process_stays(tmp_path: Path, work: Work, told: str) -> None:
+    with pytest.raises(TrialError, match=told):
+        run(tmp_path, (trial(7, work), replace(trial(8), duration_s=None)), processes=2)
+
+    assert multiprocessing.active_children() == []
+    assert list((tmp_path / TRIALS).iterdir()) == []
+
+
+def test_a_folder_in_which_another_campaign_runs_is_left_alone(tmp_path: Path) -> None:
+    def meanwhile(told: Progress) -> None:
+        with pytest.raises(CampaignBusyError, match="another program runs trials"):
+            run(tmp_path)
+        assert told.done == 0
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        run_campaign(TWO, tmp_path, progress=meanwhile)

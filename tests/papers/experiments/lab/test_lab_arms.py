@@ -1,0 +1,204 @@
+"""The laboratory as a whole: its compiled observers on rendered frames, beside the mission."""
+
+from __future__ import annotations
+
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import numpy as np
+import pytest
+
+from codra_dsl.integrations.inspection import read_spec
+from codra_dsl.runtime import ContextManager, SimClock
+from codra_dsl.runtime.journal import Kind
+from codra_papers.experiments.lab.arms import NAIVE, Arm, Need, Observers, observers
+from codra_papers.experiments.lab.run import OBSERVED, LabRun, LabSettings, Loops, run_lab
+from codra_papers.experiments.lab.scoring import Score
+from codra_papers.lab.mission import Expect
+from codra_papers.lab.perception.frame import Frame
+from codra_papers.lab.perception.layout import Part
+from codra_papers.lab.robot import Localization, Robot, Station
+from codra_papers.lab.simulator.camera import ArmCamera, FrameSource, GreyFrameSource
+from codra_papers.lab.simulator.world import LabWorld
+from generated import lab
+
+SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
+CONTEXT_DRIVEN = Arm(name="context-driven", need=Need.ANNOUNCED)
+FROM_PIXELS = (
+    "centrifuge_base_in_FOV",
+    "centrifuge_lid_in_FOV",
+    "centrifuge_open",
+    "centrifuge_locked",
+    "centrifuge_rotor_in_pos_1",
+    "centrifuge_rotor_in_pos_2",
+    "pcr_cycler_base_in_FOV",
+    "pcr_cycler_lid_in_FOV",
+    "pcr_cycler_open",
+    "pcr_cycler_locked",
+)
+FROM_THE_ROBOT_ITSELF = (
+    "centrifuge_in_observable_distance",
+    "centrifuge_in_manipulation_distance",
+    "pcr_cycler_in_observable_distance",
+    "pcr_cycler_in_manipulation_distance",
+)
+
+
+@pytest.fixture(scope="module")
+def both_arms(tmp_path_factory: pytest.TempPathFactory) -> LabRun:
+    """Two simulated minutes with both arms."""
+    folder = tmp_path_factory.mktemp("compiled")
+    arms = [observers(arm, read_spec(SPEC), folder / arm.name) for arm in (CONTEXT_DRIVEN, NAIVE)]
+    return run_lab(arms, settings())
+
+
+def settings(duration_s: float = 120.0, expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabSettings:
+    return LabSettings(seed=seed, duration_s=duration_s, work=Loops(), answering=CONTEXT_DRIVEN.name, expect=expect)
+
+
+def run_alone(run_settings: LabSettings) -> LabRun:
+    return run_lab([Observers(arm=CONTEXT_DRIVEN, start=lab.start)], run_settings)
+
+
+def short_run(expect: Expect = Expect.ONE_AHEAD, seed: int = 2) -> LabRun:
+    return run_alone(settings(expect=expect, seed=seed))
+
+
+def test_the_same_seed_gives_the_same_record_and_another_arm_changes_nothing_of_it(both_arms: LabRun) -> None:
+    alone = short_run()
+
+    assert alone.arms[0].record.text() == both_arms.arms[0].record.text()
+    assert len(alone.arms[0].record) > 100
+
+
+def test_another_seed_gives_another_record(both_arms: LabRun) -> None:
+    assert short_run(seed=4).arms[0].record.text() != both_arms.arms[0].record.text()
+
+
+def preview_decisions(run: LabRun) -> Counter[tuple[str, str]]:
+    return Counter((event.name, event.what) for event in run.arms[0].record.of(Kind.DECISION))
+
+
+def test_a_preview_is_answered_from_context_when_it_was_expected_and_falls_back_when_it_was_not() -> None:
+    expected, unexpected = (preview_decisions(short_run(expect)) for expect in (Expect.ONE_AHEAD, Expect.NOTHING))
+
+    assert expected["centrifuge_locked", "answered"] >= 1
+    assert expected["centrifuge_locked", "fell_back"] == 0
+    assert unexpected["centrifuge_locked", "fell_back"] >= 1
+
+
+def test_an_expected_preview_is_answered_without_waiting() -> None:
+    first = next(event for event in short_run().arms[0].record.of(Kind.DECISION) if event.name == "centrifuge_locked")
+
+    assert (first.what, first.instant_s) == ("answered", first.details["asked_s"])
+
+
+def test_the_naive_arm_has_no_conditions_and_starts_again_as_soon_as_it_is_done(both_arms: LabRun) -> None:
+    context, naive = both_arms.arms
+
+    assert (context.name, naive.name) == (CONTEXT_DRIVEN.name, NAIVE.name)
+    assert all(naive.jobs[name] >= 10 for name in naive.jobs)
+    jobs = [event for event in naive.record.of(Kind.JOB) if event.name == "measure_centrifuge_distance"]
+    ends = [event.instant_s for event in jobs if event.what == "returned"]
+    starts_again = [event.instant_s for event in jobs if event.what == "started"][1:]
+    assert ends[: len(starts_again)] == starts_again
+
+
+def test_right_wrong_and_unknown_seconds_of_each_variable_add_up_to_the_run(both_arms: LabRun) -> None:
+    assert both_arms.duration_s == 120.0
+    for arm in both_arms.arms:
+        assert {name: round(sum(spans_s), 6) for name, *spans_s in map(seconds, arm.scores)} == dict.fromkeys(
+            both_arms.truth, 120.0
+        )
+
+
+def seconds(found: Score) -> tuple[Any, ...]:
+    return found.name, found.right_s, found.wrong_s, found.unknown_s
+
+
+def test_what_the_main_execution_wrote_itself_does_not_count_as_observed(both_arms: LabRun) -> None:
+    assert both_arms.decisions["robot_is_localized"] == {"answered": 2}
+    locked = both_arms.decisions["centrifuge_locked"]
+    assert locked["answered"] == locked[OBSERVED] >= 1
+
+
+def test_a_run_ends_at_its_instant_also_while_the_main_execution_waits_for_observers() -> None:
+    waited = next(
+        event
+        for event in run_alone(settings(240.0)).arms[0].record.of(Kind.DECISION)
+        if event.instant_s > event.details["asked_s"]
+    )
+    middle_s = (waited.instant_s + waited.details["asked_s"]) / 2
+
+    assert run_alone(settings(middle_s)).duration_s == middle_s
+
+
+def test_the_handles_that_perception_gets_command_nothing() -> None:
+    offered = {name for handle in (ArmCamera, Localization) for name in dir(handle) if not name.startswith("_")}
+
+    assert offered == {"capture", "processing_s", "believed_map_from_base"}
+
+
+class ListeningCamera:
+    """An arm's camera that remembers what it handed out."""
+
+    def __init__(self, camera: ArmCamera) -> None:
+        self._camera = camera
+        self.frames: dict[float, Frame] = {}
+
+    def capture(self) -> Frame:
+        frame = self._camera.capture()
+        self.frames[frame.stamp_s] = frame
+        return frame
+
+    def processing_s(self, mean_s: float) -> float:
+        return self._camera.processing_s(mean_s)
+
+
+def watch(clock: SimClock, world: LabWorld, camera: Any, seed: int) -> ContextManager[Any, Any]:
+    handles = {"camera": camera, "base": Localization(world, clock)}
+    manager = lab.start(clock=clock, resources=handles, seed=seed)
+    manager.set("robot_is_localized", True)
+    for name in manager.modelled():
+        manager.declare(name)
+    return manager
+
+
+def test_equal_instants_give_both_arms_equal_frames() -> None:
+    clock, world = SimClock(), LabWorld(5)
+    robot = Robot(world, clock, Random(5))
+    with FrameSource(world) as frames:
+        cameras = [ListeningCamera(ArmCamera(frames, clock)) for _ in range(2)]
+        managers = [watch(clock, world, camera, seed) for camera, seed in zip(cameras, (1, 1), strict=True)]
+        with ExitStack() as skills:
+            for manager in managers:
+                skills.enter_context(manager.skill("drive_to_centrifuge"))
+            robot.drive_to(Station.CENTRIFUGE)
+            clock.sleep(30.0)
+        for manager in managers:
+            manager.close()
+
+    common = cameras[0].frames.keys() & cameras[1].frames.keys()
+
+    assert len(common) >= 5
+    for stamp_s in common:
+        left, right = cameras[0].frames[stamp_s], cameras[1].frames[stamp_s]
+        assert np.array_equal(left.pixels, right.pixels)
+        assert np.array_equal(left.believed_map_from_camera.rotation, right.believed_map_from_camera.rotation)
+    assert managers[0].record.text() == managers[1].record.text()
+
+
+def test_with_grey_frames_all_ten_variables_from_pixels_stay_unknown_and_the_other_four_do_not() -> None:
+    clock, world = SimClock(), LabWorld(6)
+    robot = Robot(world, clock, Random(6))
+    with watch(clock, world, ArmCamera(GreyFrameSource(world), clock), 6) as manager:
+        robot.drive_to(Station.CENTRIFUGE)
+        robot.look_at("centrifuge", Part.LID)
+        clock.sleep(20.0)
+
+        assert {name for name in FROM_PIXELS if manager.get(name).known} == set()
+        assert all(not any(reading.known for reading in manager.history(name)) for name in FROM_PIXELS)
+        assert all(manager.get(name).known for name in FROM_THE_ROBOT_ITSELF)

@@ -1,0 +1,207 @@
+"""Counting against a slow oracle that asks at every sample what was held and what was true."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.runtime import EventLog
+from codra_dsl.runtime.journal import Event, Kind
+from codra_papers.experiments.lab.metrics import (
+    Answers,
+    Causes,
+    Lags,
+    Seconds,
+    answers,
+    causes,
+    in_window,
+    lags,
+    seconds,
+    total,
+    window,
+)
+from codra_papers.experiments.lab.outcomes import ArmOutcome, Decision, Outcome
+from codra_papers.experiments.lab.scoring import Piece, pieces
+from codra_papers.experiments.lab.trials import wrong_spans
+
+END = 40
+"""Everything changes at whole seconds, so one sample in the middle of each second misses nothing."""
+
+Samples = list[bool | None]
+true_or_false = st.lists(st.booleans(), min_size=END, max_size=END)
+held_samples = st.lists(st.sampled_from([True, False, None]), min_size=END, max_size=END)
+instants = st.one_of(st.none(), st.integers(0, END - 1).map(float))
+
+
+def pieces_of(samples: Samples) -> tuple[Piece, ...]:
+    return pieces([(float(second), value) for second, value in enumerate(samples)], float(END))
+
+
+def outcome_of(truth: Samples, held: dict[str, Samples], first_s: dict[str, float | None]) -> Outcome:
+    arms = {
+        name: ArmOutcome(
+            held={"open": pieces_of(samples)},
+            wrong={"open": ()},
+            first_s={"open": first_s[name]},
+            triggers={},
+            slot_s=0.0,
+        )
+        for name, samples in held.items()
+    }
+    return Outcome(
+        name="run-1",
+        seed=1,
+        duration_s=float(END),
+        loops=0,
+        error=None,
+        frames=0,
+        perceived=0,
+        truth={"open": pieces_of(truth)},
+        arms=arms,
+        decisions=[],
+        skills=[],
+        kept=[],
+        interruptions=[],
+    )
+
+
+@given(held_samples, true_or_false, st.integers(0, END))
+def test_right_wrong_and_unknown_seconds_are_what_sampling_finds(held: Samples, truth: Samples, start: int) -> None:
+    sampled = list(zip(held, truth, strict=True))[start:]
+
+    found = seconds(pieces_of(held), pieces_of(truth), float(start))
+
+    assert found.unknown_s == sum(value is None for value, _ in sampled)
+    assert found.right_s == sum(value == fact for value, fact in sampled if value is not None)
+    assert found.wrong_s == sum(value != fact for value, fact in sampled if value is not None)
+
+
+any_change = st.lists(st.tuples(st.floats(0.0, 99.0), st.sampled_from([True, False, None])), min_size=1).map(
+    lambda found: [(0.0, None), *sorted(found, key=lambda change: change[0])]
+)
+
+
+@given(any_change, any_change, st.floats(0.0, 100.0))
+def test_right_wrong_and_unknown_seconds_add_up_to_the_rest_of_the_run(held: list, truth: list, start_s: float) -> None:
+    found = seconds(pieces(held, 100.0), pieces(truth, 100.0), start_s)
+
+    assert abs(found.strict.whole - (100.0 - start_s)) < 1e-6
+    assert found.paper.whole <= found.strict.whole
+    assert found.paper.part == found.strict.part == found.right_s
+
+
+@given(held_samples, held_samples, true_or_false, instants, instants)
+def test_the_window_begins_when_the_last_arm_that_ever_does_identifies_first(
+    left: Samples, right: Samples, truth: Samples, left_s: float | None, right_s: float | None
+) -> None:
+    outcome = outcome_of(truth, {"left": left, "right": right}, {"left": left_s, "right": right_s})
+    identified = [instant_s for instant_s in (left_s, right_s) if instant_s is not None]
+    common = window(outcome, "open")
+
+    assert common.start_s == (max(identified) if identified else None)
+    assert common.left_out == {name for name, first_s in (("left", left_s), ("right", right_s)) if first_s is None}
+    for name, samples, first_s in (("left", left, left_s), ("right", right, right_s)):
+        found = in_window(outcome, "open", name)
+        if first_s is None:
+            assert found is None
+        else:
+            assert found == seconds(pieces_of(samples), pieces_of(truth), max(identified))
+
+
+@given(held_samples, true_or_false)
+def test_a_lag_is_how_many_samples_pass_until_the_new_value_is_held(held: Samples, truth: Samples) -> None:
+    seen: list[float] = []
+    unseen = 0
+    for change in (second for second in range(1, END) if truth[second] != truth[second - 1]):
+        until = next((later for later in range(change, END) if truth[later] != truth[change]), END)
+        followed = next((later - change for later in range(change, until) if held[later] == truth[change]), None)
+        seen += [] if followed is None else [float(followed)]
+        unseen += followed is None
+
+    assert lags(pieces_of(held), pieces_of(truth)) == Lags(seen_s=tuple(seen), unseen=unseen)
+
+
+def test_quantiles_of_lags_are_of_those_that_were_seen() -> None:
+    found = Lags(seen_s=(1.0, 2.0), unseen=1) + Lags(seen_s=(3.0,), unseen=2)
+
+    assert (found.quantile_s(0.5), found.quantile_s(1.0), found.unseen) == (2.0, 3.0, 3)
+    assert Lags(seen_s=(), unseen=1).quantile_s(0.5) is None
+
+
+def test_seconds_of_runs_add_up_and_runs_without_any_add_nothing() -> None:
+    one = Seconds(right_s=6.0, wrong_s=2.0, unknown_s=8.0)
+
+    found = total([one, None, one])
+
+    assert found == Seconds(right_s=12.0, wrong_s=4.0, unknown_s=16.0)
+    assert (found.paper.part, found.paper.whole, found.strict.whole) == (12.0, 16.0, 32.0)
+
+
+# Causes
+
+
+def identified(instant_s: float, value: bool | None, evidence_s: float) -> Event:
+    details = {"value": value, "evidence_s": evidence_s, "present": True}
+    return Event(instant_s, Kind.VARIABLE, "open", "unknown" if value is None else "identified", details)
+
+
+reports = st.lists(st.tuples(st.integers(1, END - 1), st.integers(0, 5), st.sampled_from([True, False, None])))
+
+
+@given(reports, true_or_false)
+def test_every_wrong_second_has_the_cause_that_its_own_evidence_gives_it(reported: list, truth: Samples) -> None:
+    record = EventLog()
+    latest: dict[int, tuple[bool | None, int]] = {}
+    for instant, age, value in sorted(reported, key=lambda told: told[0]):
+        record.add(identified(float(instant), value, float(max(instant - age, 0))))
+        latest[instant] = (value, max(instant - age, 0))
+    seen_wrongly = changed_since = 0
+    held: tuple[bool | None, int] = (None, 0)
+    for second in range(END):
+        held = latest.get(second, held)
+        value, evidence = held
+        if value is not None and value != truth[second]:
+            changed_since += truth[evidence] == value
+            seen_wrongly += truth[evidence] != value
+
+    spans = wrong_spans(record, {"open": pieces_of(truth)})["open"]
+
+    assert causes(spans) == Causes(seen_wrongly_s=float(seen_wrongly), changed_since_s=float(changed_since))
+    for left, right in pairwise(spans):
+        assert left.end_s < right.start_s or (left.end_s == right.start_s and left.was_true != right.was_true)
+
+
+# Decisions
+
+
+def decision(held: bool | None, fact: bool, *, fresh: bool) -> Decision:
+    return Decision(
+        instant_s=1.0,
+        variable="open",
+        skill="open_it",
+        is_preview=False,
+        truth=fact,
+        held={"arm": held},
+        fresh={"arm": fresh},
+        answer=fact,
+        answered_s=2.0,
+        looked_s=1.0,
+        waited_s=0.0,
+        has_looked=True,
+        unanswered="",
+        wrong={},
+        wrong_answer=None,
+    )
+
+
+def test_decisions_are_right_wrong_or_fall_back_and_fresh_or_not() -> None:
+    told = [
+        decision(True, True, fresh=True),
+        decision(False, False, fresh=False),
+        decision(False, True, fresh=False),
+        decision(None, True, fresh=False),
+    ]
+
+    assert answers(told, "arm") == Answers(right=2, wrong=1, fell_back=1, fresh=1)

@@ -1,0 +1,207 @@
+"""The report on short runs of all arms: made from real frames, and right by a recount."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import pytest
+
+from codra_dsl.integrations.inspection import read_spec
+from codra_papers.experiments.campaign.campaign import TRIALS
+from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
+from codra_papers.experiments.campaign.experiment import Settings
+from codra_papers.experiments.lab.outcomes import Basis, Outcome
+from codra_papers.experiments.lab.trials import run_trial, value_at
+from codra_papers.experiments.studies.lab_robustness import ARMS, EXPERIMENT, FURTHER_ARMS
+from codra_papers.experiments.studies.robustness.findings import VARIABLES, Runs
+from codra_papers.experiments.studies.robustness.frames import detect_again
+from codra_papers.experiments.studies.robustness.mistakes import mistakes, mistakes_table, photographs
+
+SPEC = Path(__file__).parents[4] / "specs" / "lab.yaml"
+DURATION_S = 60.0
+IN_TABLES, FURTHER = (301, 302), (311, 312)
+
+
+@dataclass(frozen=True)
+class Judged:
+    settings: Settings
+    outcomes: Mapping[str, Outcome]
+    document: Document
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: pytest.TempPathFactory) -> Judged:
+    """Four short runs, two of them in the tables, and the report on them."""
+    settings = Settings(spec=SPEC, seeds=2, folder=tmp_path_factory.mktemp("robustness"))
+    trials = [trial for trial in EXPERIMENT.trials(settings) if trial.seed in IN_TABLES + FURTHER]
+    outcomes = {
+        trial.name: run_trial(replace(trial, duration_s=DURATION_S), settings.folder / TRIALS / trial.name)
+        for trial in trials
+    }
+    return Judged(settings=settings, outcomes=outcomes, document=EXPERIMENT.judge(settings, outcomes))
+
+
+def tables(document: Document) -> list[Table]:
+    return [part for section in document.sections for part in section.parts if isinstance(part, Table)]
+
+
+def test_ten_runs_are_for_the_tables_and_keep_frames_and_the_further_ones_are_for_intervals() -> None:
+    trials = EXPERIMENT.trials(Settings(spec=SPEC, seeds=20, folder=Path()))
+
+    assert [trial.seed for trial in trials] == list(range(301, 331))
+    assert sum(trial.frames_kept for trial in trials if trial.seed <= 310) >= 200
+    assert {trial.answering for trial in trials} == {None}
+    assert {trial.arms for trial in trials if trial.seed <= 310} == {ARMS}
+    assert {trial.arms for trial in trials if trial.seed > 310} == {FURTHER_ARMS}
+    assert len({trial.name for trial in trials}) == 30
+
+
+def test_every_row_of_every_table_has_a_cell_for_each_column_and_marks_lie_in_it(judged: Judged) -> None:
+    found = tables(judged.document)
+
+    assert len(found) >= 14
+    for table in found:
+        assert {len(row) for row in table.rows} <= {len(table.header)}
+        assert all(row < len(table.rows) and column < len(table.header) for row, column in table.marked)
+
+
+def test_the_same_outcomes_give_the_same_report(judged: Judged) -> None:
+    again = EXPERIMENT.judge(judged.settings, judged.outcomes)
+
+    assert again == judged.document
+
+
+def test_results_are_plain_data_with_every_variable_and_arm(judged: Judged) -> None:
+    told = json.loads(json.dumps(judged.document.results, allow_nan=False))
+
+    for part, expected in (("tables", ARMS), ("further", FURTHER_ARMS)):
+        variables = told[part]["variables"]
+        assert len(variables) == 14
+        assert all(set(arms) == {arm.name for arm in expected} for arms in variables.values())
+
+
+def test_whole_seconds_add_up_to_the_runs(judged: Judged) -> None:
+    for arms in judged.document.results["tables"]["variables"].values():
+        for found in arms.values():
+            assert sum(found["whole_runs"].values()) == pytest.approx(DURATION_S * len(IN_TABLES))
+
+
+def test_the_seconds_of_table_2_are_those_that_sampling_finds(judged: Judged) -> None:
+    step_s = 0.01
+    for index, seed in enumerate(IN_TABLES):
+        outcome = judged.outcomes[f"run-{seed}"]
+        first_s = {arm: found.first_s["centrifuge_open"] for arm, found in outcome.arms.items()}
+        start_s = max(instant_s for instant_s in first_s.values() if instant_s is not None)
+        instants = [start_s + step_s * (number + 0.5) for number in range(int((DURATION_S - start_s) / step_s))]
+        for arm, found in outcome.arms.items():
+            told = judged.document.results["tables"]["variables"]["centrifuge_open"][arm]["window_by_run"][index]
+            if first_s[arm] is None:
+                assert told is None
+                continue
+            held = [value_at(found.held["centrifuge_open"], instant_s) for instant_s in instants]
+            truth = [value_at(outcome.truth["centrifuge_open"], instant_s) for instant_s in instants]
+            right = sum(value == fact for value, fact in zip(held, truth, strict=True) if value is not None)
+            assert told["right_s"] == pytest.approx(right * step_s, abs=0.2)
+            assert told["unknown_s"] == pytest.approx(held.count(None) * step_s, abs=0.2)
+
+
+def test_wrong_seconds_by_cause_add_up_to_the_wrong_seconds(judged: Judged) -> None:
+    for arms in judged.document.results["tables"]["variables"].values():
+        for found in arms.values():
+            assert sum(found["wrong_by_cause"].values()) == pytest.approx(found["whole_runs"]["wrong_s"], abs=1e-6)
+
+
+def test_an_arm_that_never_came_to_know_is_left_out_of_the_window_and_marked(judged: Judged) -> None:
+    runs = Runs([judged.outcomes[f"run-{seed}"] for seed in IN_TABLES])
+    table = next(table for table in tables(judged.document) if table.caption.startswith("Seconds over whole runs"))
+    marked = {table.rows[row][:2] for row, _ in table.marked}
+    left_out = {
+        (name.replace("pcr_cycler", "PCR-cycler"), arm)
+        for name in VARIABLES
+        for arm in runs.arms
+        if runs.left_out(name, arm)
+    }
+
+    assert marked == left_out
+    assert ("PCR-cycler_open", "preconditions") in marked  # nobody has driven there yet
+
+
+def test_kept_frames_detected_again_from_their_files_give_exactly_the_recorded_evidence(judged: Judged) -> None:
+    again = judged.document.results["frames_detected_again"]
+
+    assert again == {"frames": 50, "agreed": 50, "different": []}
+
+
+def test_a_frame_that_was_changed_or_lost_is_told(judged: Judged, tmp_path: Path) -> None:
+    outcome = judged.outcomes["run-301"]
+    with_tags = next(kept for kept in outcome.kept if kept.values.get("markers", 0) > 0)
+    lost = next(kept for kept in outcome.kept if kept.file != with_tags.file)
+    source, copy = judged.settings.folder / TRIALS / "run-301", tmp_path / TRIALS / "run-301"
+    copy.mkdir(parents=True)
+    pixels = cv2.imread(str(source / with_tags.file))
+    assert cv2.imwrite(str(copy / with_tags.file), pixels[:, ::-1])  # no tag looks the same in a mirror
+
+    found = detect_again(read_spec(SPEC), [replace(outcome, kept=[with_tags, lost])], tmp_path)
+
+    assert [one.agrees for one in found] == [False, False]
+    assert found[0].values is not None
+    assert found[1].values is None
+
+
+def test_every_wrong_value_at_a_decision_is_listed_with_its_evidence_and_frame(judged: Judged) -> None:
+    runs = Runs([with_a_wrong_value(judged.outcomes["run-301"]), judged.outcomes["run-302"]])
+    wrong = [
+        (outcome.seed, round(decision.instant_s, 1), arm)
+        for outcome in runs.outcomes
+        for decision in outcome.decisions
+        if decision.variable in VARIABLES
+        for arm, held in decision.held.items()
+        if held is not None and held != decision.truth
+    ]
+    found = mistakes(runs)
+    shown = photographs(found, judged.settings.folder)
+
+    assert [(row[0], row[1], row[5]) for row in mistakes_table(found).rows] == wrong
+    assert all((judged.settings.folder / mistake.frame).is_file() for mistake in found if mistake.frame)
+    assert len(shown) == len({(mistake.arm, mistake.cause) for mistake in found if mistake.frame}) >= 1
+    assert "seen wrongly" in shown[0].caption
+
+
+def with_a_wrong_value(outcome: Outcome) -> Outcome:
+    """The same run as if the last decision's truth had been another one, on the evidence of a frame that was kept."""
+    *others, last = outcome.decisions
+    kept = outcome.kept[0]
+    basis = Basis(
+        algorithm=kept.algorithm, evidence_s=kept.evidence_s, values=kept.values, was_true=False, frame=kept.file
+    )
+    wrong = {arm: basis for arm, held in last.held.items() if held is not None}
+    assert wrong
+    return replace(outcome, decisions=[*others, replace(last, truth=not last.truth, wrong=wrong)])
+
+
+def test_the_summary_answers_what_the_protocol_asks(judged: Judged) -> None:
+    told = " ".join(judged.document.summary)
+
+    for asked in ("Hoped for: at least 0.985", "Hoped for: 90 %", "P1: 79.4 %", "further runs", "detected again"):
+        assert asked in told
+
+
+def test_pictures_are_whole_svg_documents_and_photographs_are_files(judged: Judged) -> None:
+    parts = [part for section in judged.document.sections for part in section.parts]
+    drawn = [part for part in parts if isinstance(part, Drawing)]
+
+    assert len(drawn) == 4
+    assert all(part.svg.rstrip().endswith("</svg>") for part in drawn)
+    assert all(part.path.is_file() for part in parts if isinstance(part, Photograph))
+
+
+def test_without_further_seeds_the_report_says_that_it_has_no_intervals(judged: Judged) -> None:
+    of_tables = {name: outcome for name, outcome in judged.outcomes.items() if outcome.seed in IN_TABLES}
+    document = EXPERIMENT.judge(replace(judged.settings, seeds=0), of_tables)
+    section = next(section for section in document.sections if section.title == "How sure differences are")
+
+    assert [getattr(part, "text", None) for part in section.parts] == ["No further seeds were run."]

@@ -1,0 +1,285 @@
+"""The experiment on time saved, on real runs: one opening and one closing, without observers and with them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from codra_papers.experiments.campaign.document import Document, Drawing, Photograph, Table
+from codra_papers.experiments.campaign.experiment import FIRST_REPORTED_SEED, Settings
+from codra_papers.experiments.campaign.records import TrialRecord
+from codra_papers.experiments.lab.outcomes import OWN_LOOK, Outcome
+from codra_papers.experiments.lab.trials import run_trial
+from codra_papers.experiments.studies.lab_runtime import EXPERIMENT
+from codra_papers.experiments.studies.lab_runtime.executions import Execution, Task, executions, spent_s
+from codra_papers.experiments.studies.lab_runtime.judgement import judge
+from codra_papers.experiments.studies.lab_runtime.paper import PAPER
+from codra_papers.experiments.studies.lab_runtime.runs import DECISION_S, Pair, day, tending
+from codra_papers.experiments.studies.lab_runtime.wrong import mistakes
+from codra_papers.lab.mission import PCR_CYCLER, Mission, MissionError
+
+SPECS = Path(__file__).parents[4] / "specs"
+DAY_S = 300.0
+
+
+@pytest.fixture(scope="module")
+def settings(tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    return Settings(spec=SPECS / "lab.yaml", seeds=0, folder=tmp_path_factory.mktemp("lab-runtime"))
+
+
+@pytest.fixture(scope="module")
+def outcomes(settings: Settings) -> Mapping[str, Outcome]:
+    """What comes of one opening and closing, and of the first minutes of a day."""
+    short = [*tending(settings, FIRST_REPORTED_SEED, times=1), *day(settings, DAY_S)]
+    return {trial.name: run_trial(trial, settings.folder / "trials" / trial.name) for trial in short}
+
+
+@pytest.fixture(scope="module")
+def pair(outcomes: Mapping[str, Outcome]) -> Pair:
+    without, observed = (outcomes[f"tending-301-{condition}-observers"] for condition in ("without", "with"))
+    return Pair(seed=FIRST_REPORTED_SEED, without=without, observed=observed)
+
+
+@pytest.fixture(scope="module")
+def document(settings: Settings, outcomes: Mapping[str, Outcome]) -> Document:
+    return judge(settings, outcomes)
+
+
+def all_executions(pair: Pair) -> list[Execution]:
+    return [*executions(pair.without), *executions(pair.observed)]
+
+
+def test_an_opening_and_a_closing_are_measured_in_both_conditions(pair: Pair) -> None:
+    assert [execution.task for execution in all_executions(pair)] == 2 * [Task.OPENING, Task.CLOSING]
+
+
+def test_a_task_is_perception_other_decisions_and_acting(pair: Pair) -> None:
+    for execution in all_executions(pair):
+        parts_s = spent_s(execution.previews), spent_s(execution.monitors), spent_s(execution.others)
+        assert execution.duration_s == pytest.approx(sum(parts_s) + execution.acting_s)
+        assert execution.acting_s > 100.0
+
+
+def test_the_same_seed_acts_alike_with_and_without_observers(pair: Pair) -> None:
+    for task in Task:
+        (without,), (observed,) = pair.of(task)
+        assert without.acting_s == pytest.approx(observed.acting_s)
+        assert without.perception_s > observed.perception_s
+
+
+def test_without_observers_the_robot_looks_for_every_decision_and_pays_nothing_else(pair: Pair) -> None:
+    for decision in pair.without.decisions:
+        assert decision.has_looked
+        assert decision.looked_s == decision.answered_s - decision.instant_s
+        assert (decision.waited_s, decision.unanswered) == (0.0, "")
+
+
+def test_with_observers_every_decision_is_charged_with_its_cost(pair: Pair) -> None:
+    assert len(pair.observed.decisions) > 10
+    for decision in pair.observed.decisions:
+        charged_s = decision.answered_s - decision.instant_s - decision.waited_s - decision.looked_s
+        assert charged_s == pytest.approx(DECISION_S)
+
+
+def test_a_run_that_is_run_again_comes_to_the_same(settings: Settings, pair: Pair, tmp_path: Path) -> None:
+    _, observed = tending(settings, FIRST_REPORTED_SEED, times=1)
+
+    assert run_trial(observed, tmp_path) == pair.observed
+
+
+def test_what_came_of_a_run_is_kept_whole(outcomes: Mapping[str, Outcome]) -> None:
+    for outcome in outcomes.values():
+        assert Outcome.from_json(outcome.to_json()) == outcome
+
+
+def test_a_run_without_an_arm_tells_what_was_true_all_the_same(pair: Pair) -> None:
+    assert pair.without.arms == {}
+    assert {name: pieces[0] for name, pieces in pair.without.truth.items()}.keys() == pair.observed.truth.keys()
+    assert all(decision.truth is not None for decision in pair.without.decisions)
+
+
+def tables(document: Document) -> list[Table]:
+    return [part for section in document.sections for part in section.parts if isinstance(part, Table)]
+
+
+def test_every_row_of_the_report_has_a_cell_for_each_column(document: Document) -> None:
+    assert len(tables(document)) >= 9
+    for table in tables(document):
+        assert {len(row) for row in table.rows} <= {len(table.header)}
+
+
+def test_the_report_shows_table_3_of_the_paper_beside_its_own(document: Document, pair: Pair) -> None:
+    (table,) = (table for table in tables(document) if table.caption.startswith("Table 3"))
+    (opening,), _ = pair.of(Task.OPENING)
+
+    assert [row[2] for row in table.rows] == [*PAPER[Task.OPENING].preview_s, *PAPER[Task.OPENING].monitoring_s]
+    assert table.rows[0][3] == round(spent_s(opening.previews), 2)
+    assert table.rows[2][3] == round(spent_s(opening.monitors), 2)
+
+
+def test_the_drawing_is_svg_and_always_the_same(
+    document: Document, settings: Settings, outcomes: Mapping[str, Outcome]
+) -> None:
+    first, again = (
+        [part.svg for section in each.sections for part in section.parts if isinstance(part, Drawing)]
+        for each in (document, judge(settings, outcomes))
+    )
+
+    assert first == again
+    assert [ElementTree.fromstring(svg).tag for svg in first] == ["{http://www.w3.org/2000/svg}svg"]
+
+
+def test_results_are_data_and_their_savings_add_up(document: Document) -> None:
+    results = json.loads(json.dumps(document.results, allow_nan=False))
+    saving = results["saving"]
+
+    for name in ("opening", "closing", "all"):
+        found = saving[name]
+        parts_s = found["spared_s"] + found["other_looks_s"] + found["fewer_s"]
+        assert found["saved_s"] == pytest.approx(parts_s - found["waiting_s"] - found["asking_s"])
+    for left, right in (("opening", "closing"), ("previews", "monitoring")):
+        assert saving["all"]["saved_s"] == pytest.approx(saving[left]["saved_s"] + saving[right]["saved_s"])
+
+
+def test_the_summary_answers_for_both_tasks_the_sources_the_day_and_wrong_values(document: Document) -> None:
+    assert [next(word for word in WORDS if word in sentence) for sentence in document.summary] == list(WORDS)
+
+
+WORDS = ("Opening the", "Closing the", "perception time is saved", "loops were completed", "was not true")
+
+
+def test_the_day_is_cut_off_at_its_end(outcomes: Mapping[str, Outcome]) -> None:
+    for condition in ("without", "with"):
+        assert outcomes[f"day-{condition}-observers"].duration_s == DAY_S
+
+
+def test_the_experiment_runs_the_first_seed_further_ones_and_a_day_in_pairs(settings: Settings) -> None:
+    trials = EXPERIMENT.trials(replace(settings, seeds=2))
+
+    assert [trial.seed for trial in trials] == [301, 301, 302, 302, 303, 303, 301, 301]
+    assert len({trial.name for trial in trials}) == len(trials)
+
+
+# Interruptions
+
+
+@dataclass(frozen=True, slots=True)
+class DriveAndFail:
+    """Work that ends with an error."""
+
+    def __call__(self, mission: Mission) -> None:
+        mission.open_and_close(PCR_CYCLER, times=0)
+        raise MissionError("nothing works")
+
+
+def test_work_begins_anew_when_someone_has_set_things_right(settings: Settings, tmp_path: Path) -> None:
+    without, _ = day(settings, 300.0)
+
+    outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=100.0), tmp_path)
+
+    starts_s = [start_s for _, start_s, _ in outcome.skills]
+    errors_s = [instant_s for instant_s, _ in outcome.interruptions]
+    assert len(errors_s) >= 2
+    assert starts_s[1 : len(errors_s)] == [instant_s + 100.0 for instant_s in errors_s[:-1]]
+    assert {text for _, text in outcome.interruptions} == {"nothing works"}
+    assert (outcome.error, outcome.duration_s) == (None, 300.0)
+
+
+def test_without_anyone_to_set_things_right_an_error_ends_the_run(settings: Settings, tmp_path: Path) -> None:
+    without, _ = day(settings, 300.0)
+
+    outcome = run_trial(replace(without, work=DriveAndFail(), repair_s=None), tmp_path)
+
+    assert (outcome.error, outcome.interruptions) == ("nothing works", [])
+    assert outcome.duration_s < 100.0
+
+
+# Decisions on wrong values
+
+
+@pytest.fixture(scope="module")
+def misled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
+    """A run whose observers take a locked latch for an unlocked one."""
+    folder = tmp_path_factory.mktemp("misled")
+    shutil.copytree(SPECS, folder / "specs")
+    machine = folder / "specs" / "parts" / "machine.yaml"
+    text = machine.read_text("utf-8")
+    machine.write_text(text.replace("$(instance)_locked: latched", "$(instance)_locked: not latched"), "utf-8")
+    settings = Settings(spec=folder / "specs" / "lab.yaml", seeds=0, folder=folder)
+    _, observed = tending(settings, FIRST_REPORTED_SEED, times=1)
+    return folder, run_trial(replace(observed, duration_s=40.0), folder / "trials" / observed.name)
+
+
+def test_a_decision_on_a_wrong_value_is_told_with_the_frame_and_what_was_seen(misled: tuple[Path, Outcome]) -> None:
+    folder, outcome = misled
+    mistake = mistakes([outcome])[0]
+
+    assert (mistake.decision.variable, mistake.decision.answer) == ("pcr_cycler_locked", False)
+    assert mistake.basis.algorithm == "localize_pcr_cycler_lid"
+    assert mistake.cause.startswith("seen wrongly: latched True")
+    assert (folder / "trials" / outcome.name / mistake.basis.frame).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_whose_frame_of_a_wrong_answer_was_lost_is_as_if_it_were_not_there(
+    settings: Settings, misled: tuple[Path, Outcome], tmp_path: Path
+) -> None:
+    folder, outcome = misled
+    answered = next(one for one in outcome.decisions if one.wrong_answer is not None)
+    lone = replace(outcome, decisions=[replace(answered, wrong={})])
+    trial = replace(tending(settings, FIRST_REPORTED_SEED)[0], name=outcome.name)
+    record = TrialRecord(trial=trial, folder=tmp_path, digest="made-from")
+    shutil.copytree(folder / "trials" / outcome.name, record.frames)
+    text = lone.to_json()
+    record.path.write_text(f"made-from {sha256(text.encode()).hexdigest()}\n{text}")
+    was_there = record.read()
+    assert answered.wrong_answer is not None
+    (record.frames / answered.wrong_answer.frame).unlink()
+
+    assert was_there == lone
+    assert record.read() is None
+
+
+def test_an_answer_is_judged_by_the_truth_when_it_was_given_not_when_it_was_asked_for(
+    misled: tuple[Path, Outcome],
+) -> None:
+    _, outcome = misled
+    found = mistakes([outcome])
+
+    for decision in outcome.decisions:
+        is_true = decision.answer == truth_at(outcome, decision.variable)(decision.answered_s)
+        assert is_true == (decision.wrong_answer is None)
+    assert len(found) == sum(decision.wrong_answer is not None for decision in outcome.decisions) > 0
+
+
+def truth_at(outcome: Outcome, variable: str) -> Callable[[float], object]:
+    def value(instant_s: float) -> object:
+        return next(piece.value for piece in outcome.truth[variable] if piece.start_s <= instant_s < piece.end_s)
+
+    return value
+
+
+def test_the_report_lists_mistakes_with_their_frames(
+    settings: Settings, outcomes: Mapping[str, Outcome], misled: tuple[Path, Outcome]
+) -> None:
+    folder, outcome = misled
+    document = judge(replace(settings, folder=folder), {**outcomes, outcome.name: outcome})
+    photographs = [part for section in document.sections for part in section.parts if isinstance(part, Photograph)]
+
+    assert len(document.results["wrong_decisions"]) >= 1
+    assert photographs
+    assert all(photograph.path.is_file() for photograph in photographs)
+
+
+def test_a_wrong_look_of_the_robot_itself_is_a_cause_of_its_own(misled: tuple[Path, Outcome]) -> None:
+    _, outcome = misled
+    first = mistakes([outcome])[0]
+    looked = replace(first.decision, wrong_answer=replace(first.basis, algorithm=OWN_LOOK))
+
+    assert mistakes([replace(outcome, decisions=[looked])])[0].cause == "the robot's own look was wrong"

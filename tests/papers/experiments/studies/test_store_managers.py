@@ -1,0 +1,461 @@
+"""The managers of the store: what each decides, that all have the same shop, and what is counted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codra_dsl.integrations.inspection import SpecError
+from codra_dsl.runtime import Reading, Reason
+from codra_dsl.runtime.loops import Plan, Planner, SwitchReason, assess
+from codra_dsl.runtime.loops.observations import Observation
+from codra_dsl.runtime.values.conditions import Value
+from codra_papers.experiments.campaign.statistics import quantile_interval
+from codra_papers.experiments.store.run import StoreRunSettings, run_store
+from codra_papers.experiments.studies.store_managers.comparing import compared, reactions
+from codra_papers.experiments.studies.store_managers.managers import (
+    NORMAL_M_S,
+    SLOW_M_S,
+    Chance,
+    Manager,
+    Nobody,
+    Ours,
+    Tuned,
+)
+from codra_papers.experiments.studies.store_managers.search import Design, best, cells
+from codra_papers.experiments.studies.store_managers.shift import Staging, shift_of
+from codra_papers.experiments.studies.store_managers.thresholds import Thresholds, with_thresholds
+from codra_papers.experiments.studies.store_managers.trial import LASTS_S, StoreOutcome, courses_of, managed
+from codra_papers.experiments.studies.store_managers.watching import Called, Cause, Span, Watch, calls
+from codra_papers.store.geometry import Point, Pose2D
+from codra_papers.store.simulator.state import Container, Load, RobotState, StoreState, Whereabouts
+from codra_papers.store.simulator.store import Store
+from generated import lab, store
+
+THRESHOLDS = Thresholds(distance_m=1.5, battery_percent=20.0, load="full")
+TUNED = with_thresholds(store.MAPE, THRESHOLDS)
+MANAGERS: tuple[Manager, ...] = (Nobody(), Chance(), Tuned(THRESHOLDS), Ours())
+CALM: Mapping[str, Value | None] = {
+    "bumped": False,
+    "person_distance": 10.0,
+    "strange_gap": 10.0,
+    "picking_up": False,
+    "order_open": True,
+    "loaded": False,
+    "container_load": "empty",
+    "battery_level": 80.0,
+    "battery_drain": 0.5,
+}
+
+
+# What each decides
+
+
+@dataclass
+class Told:
+    """A context that a test writes."""
+
+    values: dict[str, Value | None] = field(default_factory=lambda: dict(CALM))
+
+    def readings(self, names: Iterable[str]) -> Mapping[str, Reading[Value]]:
+        return {name: self._reading(name, self.values[name]) for name in names}
+
+    def history(self, name: str) -> tuple[Reading[Value], ...]:
+        return (self.readings([name])[name],)
+
+    @staticmethod
+    def _reading(name: str, value: Value | None) -> Reading[Value]:
+        if value is None:
+            return Reading(name=name, reason=Reason.NEVER_IDENTIFIED)
+        return Reading(name=name, content=value, evidence_s=0.0)
+
+
+def planner(manager: Manager, seed: int = 1) -> Planner:
+    mission = next(each for each in store.MAPE.loops if each.name == "mission")
+    return manager.planners(seed)(store.MAPE, mission, {each.name: each.type for each in store.MODEL.variables})
+
+
+def plans(manager: Manager, seed: int = 1, cycles: int = 6) -> list[tuple[float, Plan]]:
+    """What a manager plans while, again and again, somebody is close for 10 s and far for 10 s."""
+    context, asked = Told({**CALM, "picking_up": True}), planner(manager, seed)
+    found = []
+    for step in range(cycles * 200):
+        context.values["person_distance"] = 1.0 if step // 100 % 2 else 10.0
+        found.append((step * 0.1, asked.plan(context, step * 0.1)))
+    return found
+
+
+def chosen(told: list[tuple[float, Plan]]) -> list[tuple[float, str]]:
+    return [(at_s, each.action) for at_s, plan in told for each in plan.decisions]
+
+
+def speeds(told: list[tuple[float, Plan]]) -> list[Value]:
+    return [each.value for _, plan in told for each in plan.settings]
+
+
+def test_ours_decides_as_the_declared_loops_do() -> None:
+    told = plans(Ours())
+
+    assert [action for _, action in chosen(told)][:4] == ["pick", "start", "pick", "start"]
+    assert speeds(told)[:3] == [NORMAL_M_S, SLOW_M_S, NORMAL_M_S]
+    assert {each.because for _, plan in told for each in plan.decisions} == {SwitchReason.FIRST, SwitchReason.LEADS}
+
+
+def test_nobody_takes_the_nominal_course_and_speed_and_keeps_them() -> None:
+    told = plans(Nobody())
+
+    assert chosen(told) == [(0.0, "pick")]
+    assert speeds(told) == [NORMAL_M_S]
+    assert told[0][1].decisions[0].because is SwitchReason.PLANNER
+
+
+def test_chance_changes_the_course_only_where_ours_would() -> None:
+    told, of_ours = plans(Chance(), cycles=20), plans(Ours(), cycles=20)
+
+    assert {at_s for at_s, _ in chosen(told)} < {at_s for at_s, _ in chosen(of_ours)}
+    assert {action for _, action in chosen(told)} == {"pick", "deliver", "start", "dock"}
+    assert set(speeds(told)) == {SLOW_M_S, NORMAL_M_S}
+
+
+def test_chance_never_draws_the_course_it_has_as_a_change() -> None:
+    actions = [action for _, action in chosen(plans(Chance(), cycles=20))]
+
+    assert all(one != other for one, other in pairwise(actions))
+
+
+def test_chance_is_the_seeds() -> None:
+    assert chosen(plans(Chance(), seed=7)) == chosen(plans(Chance(), seed=7))
+    assert len({str(chosen(plans(Chance(), seed=seed))) for seed in range(5)}) > 1
+
+
+def test_who_overrules_keeps_the_analysis_that_is_drawn() -> None:
+    for manager in (Nobody(), Chance()):
+        written = [each.variable for each in plans(manager, cycles=1)[0][1].analysed]
+        assert "safety" in written
+
+
+def weights(**told: Value | None) -> dict[str, float | None]:
+    scene = {
+        name: Observation(variable=name, value=value, because="" if value is not None else "nobody said")
+        for name, value in {**CALM, **told}.items()
+    }
+    return assess(TUNED, scene).weights()
+
+
+@pytest.mark.parametrize(
+    ("told", "course"),
+    [
+        ({}, "pick"),
+        ({"order_open": False}, "start"),
+        ({"battery_level": 19.9}, "dock"),
+        ({"battery_level": 20.0}, "pick"),
+        ({"battery_level": 19.9, "bumped": True, "loaded": True, "container_load": "full"}, "dock"),
+        ({"bumped": True}, "start"),
+        ({"loaded": True, "container_load": "full"}, "deliver"),
+        ({"loaded": True, "container_load": "loading"}, "pick"),
+        ({"loaded": True, "order_open": False}, "deliver"),
+        ({"person_distance": 1.4, "picking_up": True}, "start"),
+        ({"person_distance": 1.5, "picking_up": True}, "pick"),
+        ({"person_distance": 1.4, "picking_up": False}, "pick"),
+        ({"person_distance": 1.4, "picking_up": True, "loaded": True}, None),
+        ({"person_distance": None, "picking_up": True}, "start"),
+        ({"person_distance": None, "picking_up": False}, "pick"),
+    ],
+)
+def test_the_first_line_of_the_thresholds_that_holds_decides(told: dict[str, Value | None], course: str | None) -> None:
+    found = weights(**told)
+
+    assert [name for name, weight in found.items() if weight == 1.0] == ([] if course is None else [course])
+    assert all(weight in (0.0, 1.0) for weight in found.values())
+
+
+def test_a_container_counts_as_full_from_the_load_of_the_grid_on() -> None:
+    early = with_thresholds(store.MAPE, replace(THRESHOLDS, load="loading"))
+    scene = {name: Observation(variable=name, value=value) for name, value in CALM.items()}
+    scene |= {name: Observation(variable=name, value=value) for name, value in {"loaded": True}.items()}
+    scene["container_load"] = Observation(variable="container_load", value="loading")
+
+    assert assess(early, scene).weights()["deliver"] == 1.0
+    assert assess(TUNED, scene).weights()["deliver"] == 0.0
+
+
+@settings(max_examples=60)
+@given(
+    unknown=st.sets(st.sampled_from(["person_distance", "battery_level", "picking_up", "loaded", "container_load"])),
+    distance_m=st.floats(0.0, 10.0),
+    battery=st.floats(0.0, 100.0),
+    truths=st.tuples(st.booleans(), st.booleans()),
+    load=st.sampled_from(["empty", "loading", "full"]),
+)
+def test_what_thresholds_come_to_lies_within_what_they_can_come_to(
+    unknown: set[str], distance_m: float, battery: float, truths: tuple[bool, bool], load: str
+) -> None:
+    values = {
+        **CALM,
+        "person_distance": distance_m,
+        "battery_level": battery,
+        "picking_up": truths[0],
+        "loaded": truths[1],
+        "container_load": load,
+    }
+    whole = {name: Observation(variable=name, value=value) for name, value in values.items()}
+    partial = {name: Observation(variable=name) if name in unknown else each for name, each in whole.items()}
+
+    known, bounded = assess(TUNED, whole).metrics.outputs, assess(TUNED, partial).metrics.outputs
+    for one, other in zip(known, bounded, strict=True):
+        assert one.value is not None
+        assert other.bounds.holds(one.value)
+
+
+def test_a_spec_without_loops_has_no_managers_to_compare() -> None:
+    with pytest.raises(SpecError, match="no loops"):
+        managed(lab, Ours(), 1)
+
+
+# The same shop
+
+
+@dataclass
+class Seen:
+    """What a run showed, step by step."""
+
+    robot: list[RobotState] = field(default_factory=list)
+    people_m: list[tuple[tuple[str, Point], ...]] = field(default_factory=list)
+    courses: list[tuple[float, str]] = field(default_factory=list)
+    events: list[tuple[float, str]] = field(default_factory=list)
+
+
+@cache
+def seen(manager: Manager, seed: int, lasts_s: float) -> Seen:
+    found, shift = Seen(), shift_of(seed)
+
+    def see(state: StoreState) -> None:
+        found.robot.append(state.robot)
+        found.people_m.append(state.people_m)
+
+    def opened(shop: Store) -> None:
+        Staging(shift, shop)
+        shop.world.watch(see)
+        found.events = shop.world.events
+
+    settings_ = StoreRunSettings(shop=shift.settings(), duration_s=lasts_s, opened=opened)
+    found.courses += courses_of(run_store(managed(store, manager, seed), settings_).record)
+    return found
+
+
+@pytest.mark.parametrize("manager", [Chance(), Tuned(THRESHOLDS), Ours()], ids=lambda each: each.name)
+def test_people_do_the_same_until_the_robot_has_done_something_else(manager: Manager) -> None:
+    one, other = seen(Nobody(), 1, 30.0), seen(manager, 1, 30.0)
+    pairs = enumerate(zip(one.robot, other.robot, strict=True))
+    differs = next((step for step, (first, second) in pairs if first != second), len(one.robot) - 1)
+
+    assert differs > 20
+    assert one.people_m[: differs + 1] == other.people_m[: differs + 1]
+
+
+def test_a_run_is_the_same_each_time() -> None:
+    assert seen(Chance(), 1, 30.0).courses == seen.__wrapped__(Chance(), 1, 30.0).courses
+
+
+def test_what_happens_is_the_seeds_and_waits_for_nobody() -> None:
+    for seed in range(1, 40):
+        shift = shift_of(seed)
+        assert shift == shift_of(seed)
+        assert sorted(shift.areas) == ["area_1", "area_2", "area_3", "area_4"]
+        assert 0.0 < shift.move_s < shift.full_s < shift.collect_s < shift.provide_s < LASTS_S
+        assert all(visit.at_s < LASTS_S for visit in shift.visits)
+    assert len({shift_of(seed).areas for seed in range(1, 40)}) > 10
+    assert {shift_of(seed).is_hidden for seed in range(1, 40)} == {True, False}
+    assert {len(shift_of(seed).visits) for seed in range(1, 40)} == {0, 1, 2}
+
+
+def test_a_shift_begins_with_its_containers_in_their_places() -> None:
+    assert [what for at_s, what in seen(Nobody(), 1, 30.0).events if at_s == 0.0] == [
+        "container_3 was moved: floor",
+        "container_3 is full",
+        "container_1 is loading",
+    ]
+
+
+# What is counted
+
+
+def state(step: int = 0, people_m: tuple[Point, ...] = (), **robot: float | bool) -> StoreState:
+    return StoreState(
+        step=step,
+        instant_s=step / 10,
+        robot=RobotState(at=Pose2D(5.0, 5.0), **robot),  # type: ignore[arg-type]
+        containers=(Container(name="container_1", at=Pose2D(4.6, 5.0), load=Load.FULL),),
+        people_m=tuple((f"person {number}", at_m) for number, at_m in enumerate(people_m)),
+    )
+
+
+def carrying(told: StoreState, load: Load) -> StoreState:
+    (container,) = told.containers
+    return replace(told, containers=(replace(container, load=load, where=Whereabouts.FORK),))
+
+
+def watched(*states: StoreState, is_fetching: bool = True) -> Watch:
+    watch = Watch(lambda: is_fetching)
+    for each in states:
+        watch.see(each)
+    return watch
+
+
+def test_a_cause_is_what_is_true_and_of_two_at_once_the_upper_one() -> None:
+    near, low = ((6.0, 5.0),), 19.0
+    watch = watched(
+        state(0),
+        state(1, near),
+        state(2, ((6.6, 5.0),)),
+        carrying(state(3, near), Load.LOADING),
+        carrying(state(4, near), Load.FULL),
+        carrying(state(5, near, battery_percent=low), Load.FULL),
+        state(6, battery_percent=low, is_charging=True),
+    )
+
+    assert watch.causes == [
+        (0.0, None),
+        (0.1, Cause.PERSON),
+        (0.2, None),
+        (0.3, Cause.PERSON),
+        (0.4, Cause.FULL),
+        (0.5, Cause.BATTERY),
+        (0.6, None),
+    ]
+
+
+def test_somebody_near_calls_for_nothing_while_the_robot_does_not_fetch() -> None:
+    assert watched(state(1, ((6.0, 5.0),)), is_fetching=False).causes == [(0.1, None)]
+
+
+def test_unsafe_steps_that_follow_each_other_are_one_span() -> None:
+    near = ((6.2, 5.0),)
+    fast = [state(step, near, speed_m_s=0.5) for step in (1, 2, 3, 7)]
+    slow = [state(4, near, speed_m_s=0.3), state(5, ((9.0, 5.0),), speed_m_s=0.5)]
+
+    assert watched(*sorted([*fast, *slow], key=lambda each: each.step)).unsafe == [Span(0.0, 0.3), Span(0.6, 0.7)]
+
+
+def test_a_reaction_is_from_the_cause_to_the_first_course_that_it_calls_for() -> None:
+    causes = [(0.0, None), (10.0, Cause.PERSON), (16.0, None)]
+    courses = [(0.0, "pick"), (12.5, "start"), (14.0, "dock")]
+
+    assert calls(causes, courses, 20.0) == (Called(Cause.PERSON, 10.0, 16.0, 12.5),)
+    assert calls(causes, courses, 20.0)[0].reaction_s == 2.5
+
+
+def test_a_course_that_the_cause_does_not_call_for_is_no_answer() -> None:
+    causes = [(0.0, None), (10.0, Cause.BATTERY)]
+
+    (called,) = calls(causes, [(0.0, "pick"), (12.0, "start")], 20.0)
+    assert (called.answered_s, called.reaction_s, called.ended_s) == (None, None, 20.0)
+
+
+def test_a_cause_does_not_count_if_the_course_is_right_already_or_it_is_over_too_soon() -> None:
+    assert calls([(5.0, Cause.FULL), (15.0, None)], [(1.0, "deliver")], 20.0) == ()
+    assert calls([(5.0, Cause.FULL), (7.9, None)], [(1.0, "pick")], 20.0) == ()
+    assert len(calls([(5.0, Cause.FULL), (8.0, None)], [(1.0, "pick")], 20.0)) == 1
+    assert len(calls([(5.0, Cause.FULL), (6.0, None)], [(1.0, "pick"), (5.5, "deliver")], 20.0)) == 1
+
+
+def test_spans_of_a_cause_with_a_short_gap_are_one() -> None:
+    causes = [(5.0, Cause.PERSON), (6.0, None), (6.5, Cause.PERSON), (9.0, None), (10.5, Cause.PERSON), (14.0, None)]
+
+    found = calls(causes, [(0.0, "pick")], 20.0)
+    assert [(each.begun_s, each.ended_s) for each in found] == [(5.0, 9.0), (10.5, 14.0)]
+
+
+def came(name: str, seed: int, **told: float | Mapping[str, int] | tuple[Called, ...]) -> StoreOutcome:
+    given_ = {"loops": 1, "unsafe_s": 2.0, "orders": {}, "aborts": 0, "bumps": 0, "called": ()} | told
+    return StoreOutcome(
+        name=name,
+        seed=seed,
+        manager=name,
+        duration_s=60.0,
+        driven_m=0.0,
+        courses=[(0.0, "pick"), (10.0, "start"), (20.0, "pick")],
+        unsafe=(),
+        gaps_m=(),
+        curves={},
+        **given_,  # type: ignore[arg-type]
+    )
+
+
+def test_differences_to_ours_are_taken_seed_by_seed() -> None:
+    ours = [came("ours", seed, unsafe_s=float(seed)) for seed in range(1, 6)]
+    none = [came("none", seed, unsafe_s=seed + 3.0) for seed in range(1, 6)]
+    table = compared({"none": none, "ours": ours}, "ours")
+    found = {(each.measure.key, each.manager): each for each in table}
+
+    unsafe = found["unsafe_s", "none"]
+    assert unsafe.mean.value == 6.0
+    assert unsafe.difference is not None
+    assert (unsafe.difference.low, unsafe.difference.high) == (pytest.approx(3.0), pytest.approx(3.0))
+    assert found["unsafe_s", "ours"].difference is None
+    assert found["switches_per_min", "none"].mean.value == 2.0
+
+
+def test_an_unanswered_cause_is_later_than_any_answered_one() -> None:
+    soon, late, never = (Called(Cause.PERSON, 0.0, 9.0, answered_s) for answered_s in (1.0, 2.0, None))
+    runs = {"ours": [came("ours", 1, called=(soon, late)), came("ours", 2, called=(never,))]}
+    (of_all, *rest) = reactions(runs)
+
+    assert (of_all.count, of_all.answered) == (3, 2)
+    assert (of_all.quantiles_s[0.5].value, of_all.quantiles_s[0.99].value) == (2.0, math.inf)
+    assert next(each for each in rest if each.cause is Cause.BATTERY).quantiles_s[0.5].value is None
+
+
+def test_the_quantile_of_all_runs_is_one_of_their_values_and_lies_in_its_interval() -> None:
+    found = quantile_interval([[1.0, 2.0], [3.0], [], [4.0, 5.0]], 0.5)
+
+    assert found.value == 3.0
+    assert found.low is not None
+    assert found.high is not None
+    assert 1.0 <= found.low <= 3.0 <= found.high <= 5.0
+    assert quantile_interval([[], []], 0.5).value is None
+    assert quantile_interval([[7.0]], 0.99).low is None
+    assert (quantile_interval([[2.0], [2.0]], 0.5).low, quantile_interval([[2.0], [2.0]], 0.5).high) == (2.0, 2.0)
+
+
+def test_an_outcome_is_the_same_after_it_was_kept() -> None:
+    kept = came("ours", 1, called=(Called(Cause.FULL, 1.0, 2.0, None),), orders={"done": 1})
+
+    assert StoreOutcome.from_json(kept.to_json()).to_json() == kept.to_json()
+    assert StoreOutcome.from_json(kept.to_json()).called == [Called(Cause.FULL, 1.0, 2.0, None)]
+
+
+# The search
+
+
+def test_the_cell_with_most_missions_less_a_tenth_of_the_unsafe_seconds_wins_and_of_equal_ones_the_first() -> None:
+    grid = tuple(replace(THRESHOLDS, distance_m=distance_m) for distance_m in (1.0, 1.5, 2.0))
+    told = {(1.0, 1): (2, 20.0), (1.0, 2): (1, 0.0), (1.5, 1): (1, 0.0), (1.5, 2): (2, 10.0)}
+    told |= {(2.0, 1): (2, 10.0), (2.0, 2): (1, 0.0)}
+    outcomes = {
+        f"grid-{distance_m:g}m-20percent-full-{seed}": came("threshold", seed, loops=missions, unsafe_s=unsafe_s)
+        for (distance_m, seed), (missions, unsafe_s) in told.items()
+    }
+    found = cells(Design(grid=grid, tuning_seeds=(1, 2)), outcomes)
+
+    assert [round(each.score, 6) for each in found] == [0.5, 1.0, 1.0]
+    assert best(found).thresholds.distance_m == 1.5
+
+
+def test_no_seed_of_the_report_is_tuned_on() -> None:
+    assert max(Design().tuning_seeds) < Design().first_seed
+
+
+def test_the_speeds_are_those_of_the_spec() -> None:
+    text = (Path(__file__).parents[4] / "specs/store.yaml").read_text()
+
+    assert f"value: {SLOW_M_S} m/s if" in text
+    assert f"else {NORMAL_M_S} m/s" in text

@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
+
+
+def limited(end_s: float) -> LimitedClock:
+    return LimitedClock(SimClock(), end_s, lambda _: None)
+
+
+def never() -> bool:
+    return False
+
+
+def test_a_sleep_beyond_the_end_ends_there() -> None:
+    clock = limited(5.0)
+    clock.sleep(3.0)
+
+    with pytest.raises(TimeIsUp):
+        clock.sleep(3.0)
+    assert clock.now_s() == 5.0
+
+
+def test_a_wait_beyond_the_end_ends_there() -> None:
+    clock = limited(5.0)
+    clock.sleep(3.0)
+
+    with pytest.raises(TimeIsUp):
+        clock.wait_until(never, math.inf)
+    assert clock.now_s() == 5.0
+
+
+def test_a_wait_that_is_over_before_the_end_only_says_so() -> None:
+    clock = limited(5.0)
+
+    assert not clock.wait_until(never, 4.0)
+    assert clock.now_s() == 4.0
+
+
+def test_what_comes_at_the_end_itself_is_still_seen() -> None:
+    clock = limited(5.0)
+    came: list[float] = []
+    clock.call_at(5.0, lambda: came.append(clock.now_s()))
+
+    assert clock.wait_until(lambda: bool(came), 9.0)
+    assert came == [5.0]
+
+
+def test_time_without_an_end_goes_on() -> None:
+    clock = limited(math.inf)
+    clock.sleep(1e9)
+
+    assert not clock.wait_until(never, 1e9)
+    assert clock.now_s() == 2e9

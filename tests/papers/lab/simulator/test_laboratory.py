@@ -1,0 +1,219 @@
+"""A laboratory as a value: the default is the one of the protocol, to the bit; another differs in what it says."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from hashlib import sha256
+from itertools import pairwise
+from math import pi
+from random import Random
+
+import numpy as np
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_papers.lab.perception.frame import Frame
+from codra_papers.lab.perception.layout import MACHINES, Part, machine_named, shaker, surveyed
+from codra_papers.lab.perception.tags import detect
+from codra_papers.lab.robot import Robot, RotorPosition
+from codra_papers.lab.simulator.camera import FrameSource, GreyFrameSource
+from codra_papers.lab.simulator.disturbances import disturb
+from codra_papers.lab.simulator.geometric_camera import GeometricCamera
+from codra_papers.lab.simulator.laboratory import LABORATORY, Laboratory, LidMoved, LightDown, PersonBefore
+from codra_papers.lab.simulator.scene import mjcf, textures
+from codra_papers.lab.simulator.truth import GroundTruth, truth_at
+from codra_papers.lab.simulator.world import JointKey, LabState, LabWorld
+from tests.papers.lab.perception.posed import SteadyHand
+
+LID = "pcr_cycler_open"
+LID_KEY = JointKey("pcr_cycler", Part.LID)
+
+
+def digest(*told: str) -> str:
+    return sha256("\n".join(told).encode()).hexdigest()[:16]
+
+
+def worked(seed: int) -> tuple[LabWorld, float]:
+    """A world in which the robot has tended both machines, and when it was done."""
+    world, clock = LabWorld(seed), SimClock()
+    robot = Robot(world, clock, Random(f"{seed} robot"))
+    robot.drive_to("centrifuge")
+    robot.unlock("centrifuge")
+    robot.open_lid("centrifuge")
+    robot.turn_rotor(RotorPosition.SECOND)
+    robot.take_samples("centrifuge")
+    robot.close_lid("centrifuge")
+    if not robot.is_localized():
+        robot.relocalize()
+    robot.drive_to("pcr_cycler")
+    robot.look_at("pcr_cycler", Part.LID)
+    return world, clock.now_s()
+
+
+def numbers(state: LabState) -> str:
+    told = (*state.base, *state.eye_m, *state.target_m, state.reach, state.opening_m, state.light)
+    return " ".join(f"{number:.6f}" for number in (*told, *(state.joints_rad[key] for key in sorted(state.joints_rad))))
+
+
+# The digests were taken of the code in which the laboratory was module constants.
+
+
+def test_the_default_scene_is_that_of_the_protocol() -> None:
+    assert digest(mjcf()) == "b70fdd27810506a5"
+    assert sorted(textures()) == sorted(["floor.png", "wall.png", *(f"tag_{each}.png" for each in TAG_IDS)])
+
+
+TAG_IDS = [tag.tag_id for machine in MACHINES.values() for tag in machine.tags]
+
+
+def test_the_default_laboratory_moves_as_that_of_the_protocol() -> None:
+    world, end_s = worked(3)
+    states = [numbers(world.state(end_s * index / 200)) for index in range(201)]
+
+    assert f"{end_s:.6f}" == "570.295602"
+    assert digest(*states) == "12ff298c07269d8e"
+
+
+def test_in_the_default_laboratory_the_same_is_true() -> None:
+    world, end_s = worked(3)
+    spans = [f"{span.start_s:.3f} {sorted(span.values.items())}" for span in GroundTruth(world).over(0.0, end_s)]
+
+    assert digest(*spans) == "390a10b70f64c33e"
+
+
+def test_the_default_camera_has_the_same_noise() -> None:
+    pixels = [GreyFrameSource(LabWorld(3)).frame_at(instant_s).pixels for instant_s in (1.0, 2.5)]
+
+    assert sha256(np.stack(pixels).tobytes()).hexdigest()[:16] == "61942d4f6e8cb77f"
+
+
+def test_a_laboratory_is_plain_data_that_a_process_can_be_sent() -> None:
+    laboratory = replace(
+        LABORATORY.with_machines(shaker(5.3, 1.6, pi)), disturbances=(LightDown(at_s=1.0, lasts_s=2.0, light=0.1),)
+    )
+    sent = pickle.loads(pickle.dumps(laboratory))
+
+    assert repr(sent) == repr(laboratory)
+    assert " at 0x" not in repr(laboratory)
+    assert mjcf(sent) == mjcf(laboratory) != mjcf()
+
+
+def test_perception_knows_the_machines_of_the_laboratory_that_its_robot_works_in() -> None:
+    with surveyed(LABORATORY.with_tags(0.5).with_machines(shaker(5.3, 1.6, pi)).machines):
+        assert machine_named("shaker").tags_on(Part.LATCH)[0].size_m == 0.056
+        assert machine_named("centrifuge").tags_on(Part.LID)[0].size_m == 0.05
+        with pytest.raises(RuntimeError, match="already works"), surveyed(LABORATORY.machines):
+            pass
+    with pytest.raises(ValueError, match="its machines are centrifuge, pcr_cycler"):
+        machine_named("shaker")
+
+
+def seen(laboratory: Laboratory, machine: str, part: Part) -> tuple[set[int], set[int]]:
+    """The tags that are found when the robot looks at a part, and those that geometry says can be."""
+    world, clock = LabWorld(1, laboratory), SimClock()
+    robot = Robot(world, clock, SteadyHand())
+    robot.drive_to(machine)
+    robot.look_at(machine, part)
+    with surveyed(laboratory.machines), FrameSource(world) as frames:
+        found = {detection.tag_id for detection in detect(frames.frame_at(clock.now_s()))}
+    views = GeometricCamera(laboratory).tags_in_view(world.state(clock.now_s()))
+    return found, {view.tag_id for view in views if view.is_resolved()}
+
+
+def test_a_third_machine_of_another_shape_shows_all_its_tags_to_who_looks_at_it() -> None:
+    laboratory = LABORATORY.with_machines(shaker(5.3, 1.6, pi))
+    found, resolved = seen(laboratory, "shaker", Part.LID)
+
+    assert {30, 31, 32, 33, 34, 35} <= found
+    assert resolved <= found
+
+
+def test_another_machine_of_the_same_shape_is_another_machine() -> None:
+    second = LABORATORY.machine("pcr_cycler").named("second", 40).standing(5.3, 1.6, pi)
+    laboratory = LABORATORY.with_machines(second)
+    found, _ = seen(laboratory, "second", Part.LID)
+
+    assert set(range(40, 48)) <= found
+    assert second.map_from_base.translation_m.tolist() == [5.3, 1.6, 0.72]
+    assert truth_at(LabWorld(1, laboratory), 0.0)["second_locked"] is True
+
+
+def test_small_tags_are_not_found_from_where_the_robot_waits() -> None:
+    assert seen(LABORATORY.with_tags(0.25), "pcr_cycler", Part.LID)[0] == set()
+
+
+def test_a_machine_that_was_moved_is_tended_where_it_stands() -> None:
+    laboratory = LABORATORY.with_standing("pcr_cycler", 5.3, 1.6, pi)
+    found, _ = seen(laboratory, "pcr_cycler", Part.LID)
+
+    assert set(range(20, 28)) <= found
+
+
+def disturbed(*disturbances: LidMoved | PersonBefore | LightDown) -> tuple[LabWorld, SimClock]:
+    world, clock = LabWorld(1, replace(LABORATORY, disturbances=disturbances)), SimClock()
+    disturb(world, clock)
+    return world, clock
+
+
+def test_somebody_opens_a_lid_and_truth_follows() -> None:
+    world, clock = disturbed(LidMoved(at_s=10.0, machine="pcr_cycler", open_share=1.0))
+    clock.sleep(20.0)
+
+    assert [truth_at(world, instant_s)[LID] for instant_s in (9.0, 14.0)] == [False, True]
+
+
+def test_somebody_keeps_off_a_lid_while_the_robot_has_its_hand_out() -> None:
+    world, clock = disturbed(LidMoved(at_s=110.0, machine="pcr_cycler", open_share=0.5))
+    robot = Robot(world, clock, SteadyHand())
+    robot.drive_to("pcr_cycler")
+    robot.unlock("pcr_cycler")
+    end_s = clock.now_s()
+    clock.sleep(10.0)
+
+    assert world.state(110.0).reach > 0.0
+    assert world.state(end_s).joints_rad[LID_KEY] == 0.0
+    assert world.state(end_s + 10.0).joints_rad[LID_KEY] == pytest.approx(1.15 / 2)
+
+
+def test_a_lid_that_somebody_moved_is_taken_where_it_is_then() -> None:
+    world, clock = disturbed(LidMoved(at_s=100.0, machine="pcr_cycler", open_share=0.5))
+    robot = Robot(world, clock, SteadyHand())
+    robot.drive_to("pcr_cycler")
+    clock.sleep(99.0 - clock.now_s())
+    robot.open_lid("pcr_cycler")  # the latch holds no lid that stands open
+    angles_rad = [world.state(98.0 + second).joints_rad[LID_KEY] for second in range(200)]
+
+    assert angles_rad[-1] == pytest.approx(1.15)
+    assert max(after - before for before, after in pairwise(angles_rad)) < 0.5
+
+
+def before_and_meanwhile(*disturbances: PersonBefore | LightDown) -> tuple[Frame, Frame, LabWorld]:
+    """Frames of a still robot at the PCR-cycler before a disturbance at 100 s, and within it."""
+    world, clock = disturbed(*disturbances)
+    robot = Robot(world, clock, SteadyHand())
+    robot.drive_to("pcr_cycler")
+    clock.sleep(200.0)
+    with FrameSource(world) as frames:
+        return frames.frame_at(95.0), frames.frame_at(110.0), world
+
+
+def test_a_person_before_the_camera_hides_all_tags_and_goes_away() -> None:
+    before, meanwhile, world = before_and_meanwhile(PersonBefore(at_s=100.0, lasts_s=30.0))
+
+    assert len(detect(before)) >= 8
+    assert detect(meanwhile) == ()
+    assert [truth_at(world, instant_s)["pcr_cycler_base_in_FOV"] for instant_s in (95.0, 110.0, 140.0)] == [
+        True,
+        False,
+        True,
+    ]
+
+
+def test_in_the_dark_no_tag_is_found_though_all_are_in_view() -> None:
+    before, meanwhile, world = before_and_meanwhile(LightDown(at_s=100.0, lasts_s=30.0, light=0.02))
+
+    assert len(detect(before)) >= 8
+    assert detect(meanwhile) == ()
+    assert truth_at(world, 110.0)["pcr_cycler_base_in_FOV"] is True
+    assert world.state(140.0).light == 1.0

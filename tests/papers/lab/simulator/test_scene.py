@@ -1,0 +1,156 @@
+"""The laboratory as it is drawn: tags that a detector finds where the layout says they are."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from math import pi
+
+import numpy as np
+import pytest
+
+from codra_papers.lab.gaze import observation_gaze
+from codra_papers.lab.perception.layout import MACHINES, Part, machine_named
+from codra_papers.lab.perception.tags import detect
+from codra_papers.lab.simulator import gl
+from codra_papers.lab.simulator.camera import FrameSource
+from codra_papers.lab.simulator.scene import Stage
+from codra_papers.lab.simulator.world import LabWorld, Quantity
+from tests.papers.lab.perception.posed import put, set_joint, stand_before
+
+OPEN_RAD = 1.35
+UNLOCKED_RAD = 1.0
+KNOWN_IDS = {tag.tag_id for machine in MACHINES.values() for tag in machine.tags}
+
+
+def detected_ids(world: LabWorld, instant_s: float = 1.0) -> set[int]:
+    with FrameSource(world) as source:
+        return {detection.tag_id for detection in detect(source.frame_at(instant_s))}
+
+
+def ids_on(machine: str, *parts: Part) -> set[int]:
+    return {tag.tag_id for part in parts for tag in machine_named(machine).tags_on(part)}
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("part", [Part.LID, Part.LATCH])
+@pytest.mark.parametrize(("lid_rad", "latch_rad"), [(0.0, 0.0), (0.0, UNLOCKED_RAD), (OPEN_RAD, UNLOCKED_RAD)])
+def test_base_lid_and_latch_show_all_their_tags_from_where_the_robot_looks(
+    machine: str, part: Part, lid_rad: float, latch_rad: float
+) -> None:
+    world = LabWorld(1)
+    stand_before(world, machine, observation_gaze(machine, part))
+    set_joint(world, machine, Part.LID, lid_rad)
+    set_joint(world, machine, Part.LATCH, latch_rad)
+
+    found = detected_ids(world)
+
+    assert found >= ids_on(machine, Part.BASE, Part.LID, Part.LATCH)
+    assert found <= KNOWN_IDS
+
+
+@pytest.mark.parametrize("rotor_rad", [0.0, pi])
+def test_the_rotor_shows_its_tags_through_the_open_lid_only(rotor_rad: float) -> None:
+    world = LabWorld(1)
+    stand_before(world, "centrifuge", observation_gaze("centrifuge", Part.ROTOR))
+    set_joint(world, "centrifuge", Part.ROTOR, rotor_rad)
+    behind_the_lid = detected_ids(world, 1.0)
+    set_joint(world, "centrifuge", Part.LID, OPEN_RAD, at_s=2.0)
+    through_the_open_lid = detected_ids(world, 3.0)
+
+    assert not behind_the_lid & ids_on("centrifuge", Part.ROTOR)
+    assert through_the_open_lid >= ids_on("centrifuge", Part.ROTOR)
+
+
+def test_a_look_around_the_room_shows_no_tag_that_is_not_there() -> None:
+    world = LabWorld(1)
+    for step in range(12):
+        put(world, Quantity.BASE, 3.0, 3.0, step * pi / 6, at_s=float(step))
+
+    with FrameSource(world) as source:
+        found = {detection.tag_id for step in range(12) for detection in detect(source.frame_at(step + 0.5))}
+
+    assert found <= KNOWN_IDS
+
+
+def test_tags_are_unique_in_the_laboratory() -> None:
+    ids = [tag.tag_id for machine in MACHINES.values() for tag in machine.tags]
+
+    assert len(ids) == len(set(ids))
+
+
+def test_the_large_machine_carries_fewer_tags_and_farther_apart_than_the_compact_one() -> None:
+    fixed = {
+        name: [tag for tag in machine.tags if tag.part in {Part.BASE, Part.LID}] for name, machine in MACHINES.items()
+    }
+    width_m = {name: np.ptp([tag.part_from_tag.translation_m[1] for tag in tags]) for name, tags in fixed.items()}
+
+    assert len(fixed["centrifuge"]) < len(fixed["pcr_cycler"])
+    assert width_m["centrifuge"] > 2 * width_m["pcr_cycler"]
+
+
+def test_a_ray_ends_on_the_first_thing_in_its_way() -> None:
+    stage = Stage()
+    world = LabWorld(1)
+    stage.place(world.state(0.0))
+    over_the_lid = machine_named("centrifuge").map_from_base.apply(np.array([0.0, 0.0, 1.0]))
+    rotor = machine_named("centrifuge").map_from_part(Part.ROTOR, 0.0).translation_m
+    lid_top = machine_named("centrifuge").map_from_base.apply(np.array([0.0, 0.0, 0.455]))
+
+    to_lid, to_rotor = stage.first_hit(over_the_lid, np.array([lid_top, rotor]))
+
+    assert to_lid == pytest.approx(1.0)
+    assert to_rotor == pytest.approx((1.0 - 0.455) / (1.0 - 0.28))
+
+
+def test_the_layout_knows_no_other_machine() -> None:
+    with pytest.raises(ValueError, match="no machine 'fridge' in the laboratory; its machines are centrifuge, pcr_"):
+        machine_named("fridge")
+
+
+def test_the_backend_that_was_chosen_draws_and_is_named_to_mujoco() -> None:
+    backend = gl.choose_backend()
+
+    context = gl.make_context(backend, 8, 8)
+    context.make_current()
+    context.free()
+
+    assert os.environ["MUJOCO_GL"] == backend
+
+
+HIDDEN = {"MUJOCO_GL": "egl", "__EGL_VENDOR_LIBRARY_FILENAMES": "/dev/null", "PYTHONPATH": os.pathsep.join(sys.path)}
+"""The environment of a machine without graphics."""
+
+
+def said_without_graphics(program: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=os.environ | HIDDEN, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+def test_a_machine_without_graphics_is_told_what_to_install() -> None:
+    program = """
+from codra_papers.lab.simulator import gl
+try:
+    gl.choose_backend()
+except gl.GraphicsUnavailableError as error:
+    print(error)
+"""
+
+    said = said_without_graphics(program)
+
+    assert "apt-get install libosmesa6" in said
+    assert "egl: " in said
+
+
+def test_a_backend_that_drew_for_another_process_is_not_tried_again() -> None:
+    program = """
+import os
+from codra_papers.lab.simulator import gl
+gl.rely_on("osmesa")
+print(gl.choose_backend(), os.environ["MUJOCO_GL"])
+"""
+
+    assert said_without_graphics(program) == "osmesa osmesa\n"

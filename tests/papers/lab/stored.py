@@ -1,0 +1,68 @@
+"""Frames as files: a lossless picture, and what belongs to it as JSON. Run as a program it perceives stored frames.
+
+The program loads nothing but perception, so that what it prints comes from the files alone.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from codra_papers.lab.perception import functions as perception
+from codra_papers.lab.perception.frame import Frame, Intrinsics
+from codra_papers.lab.perception.poses import Pose
+from tests.papers.lab.asked import RecordedJob, Still
+
+MACHINES = ("centrifuge", "pcr_cycler")
+
+
+def store(frame: Frame, picture: Path) -> None:
+    """Write a frame's pixels as a PNG file and the rest beside it as JSON."""
+    assert cv2.imwrite(str(picture), cv2.cvtColor(frame.pixels, cv2.COLOR_RGB2BGR))
+    intrinsics, pose = frame.intrinsics, frame.believed_map_from_camera
+    about = {
+        "intrinsics": {"width": intrinsics.width, "height": intrinsics.height, "focal_px": intrinsics.focal_px},
+        "rotation": pose.rotation.tolist(),
+        "translation_m": pose.translation_m.tolist(),
+        "stamp_s": frame.stamp_s,
+    }
+    picture.with_suffix(".json").write_text(json.dumps(about), "utf-8")
+
+
+def stored(picture: Path) -> Frame:
+    """Read a frame that `store` wrote."""
+    about = json.loads(picture.with_suffix(".json").read_text("utf-8"))
+    pixels = cv2.cvtColor(cv2.imread(str(picture), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return Frame(
+        pixels=np.asarray(pixels, dtype=np.uint8),
+        intrinsics=Intrinsics(**about["intrinsics"]),
+        believed_map_from_camera=Pose(np.array(about["rotation"]), np.array(about["translation_m"])),
+        stamp_s=about["stamp_s"],
+    )
+
+
+def perceived(frame: Frame) -> dict[str, Any]:
+    """Return all that perception makes of a frame, and what it says of its evidence and time."""
+    found: dict[str, Any] = {}
+    for machine in MACHINES:
+        for function in (perception.find_in_view, perception.localize_lid):
+            job = RecordedJob()
+            found[f"{machine} {function.__name__}"] = dict(function(machine=machine, camera=Still(frame), job=job))
+            found[f"{machine} {function.__name__} job"] = [list(entry) for entry in job.record]
+    found["rotor"] = dict(perception.localize_rotor(machine="centrifuge", camera=Still(frame), job=RecordedJob()))
+    return found
+
+
+def main() -> None:
+    """Print what is perceived on the stored frames of a folder, by name, and which simulator modules were loaded."""
+    frames = {picture.name: perceived(stored(picture)) for picture in sorted(Path(sys.argv[1]).glob("*.png"))}
+    print(json.dumps({"frames": frames, "mujoco": "mujoco" in sys.modules}))  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Orders served by the book, and simulated time that waits for real time."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_papers.experiments.limited_time import LimitedClock, TimeIsUp
+from codra_papers.experiments.pacing import BEAT_S, Beat
+from codra_papers.store.mission.orders import OrdersByTheBook
+from codra_papers.store.simulator.situations import OrderKind, Situation, StoreSettings
+from codra_papers.store.simulator.store import Store
+
+
+class Served:
+    """A shop in which orders are served for so long."""
+
+    def __init__(self, situation: Situation, duration_s: float, *orders: tuple[OrderKind, str, str]) -> None:
+        clock = LimitedClock(SimClock(), duration_s, lambda _: None)
+        self.store = Store(clock, StoreSettings(situation=situation, shoppers=0))
+        for order in orders:
+            self.store.page.order(*order)
+        serving = OrdersByTheBook(self.store.knowledge, clock)
+        with suppress(TimeIsUp):
+            serving.serve()
+
+    def states(self) -> list[object]:
+        snapshot = self.store.knowledge.snapshot()
+        readings = (snapshot.get(node.name, "state") for node in snapshot.nodes("order"))
+        return [reading.value if reading.known else None for reading in readings]
+
+
+def test_orders_are_served_in_their_order_and_then_the_robot_waits_at_the_start() -> None:
+    served = Served(
+        Situation.QUIET,
+        420.0,
+        (OrderKind.PROVIDE, "supply", "area_3"),
+        (OrderKind.COLLECT, "area_1", "delivery"),
+    )
+
+    assert served.states() == ["done", "done"]
+    assert served.store.judge.score.deliveries == ("area_3", "delivery")
+    start = served.store.world.state().robot.at
+    assert (round(start.x_m), round(start.y_m)) == (8, 2)
+
+
+def test_an_order_for_what_is_not_there_fails_the_base_is_told_and_the_next_one_is_served() -> None:
+    served = Served(Situation.ABSENT, 240.0)
+    knowledge = served.store.knowledge
+
+    assert served.states() == ["failed"]
+    assert knowledge.get("base", "base_notice").value == "container_not_found"
+    assert served.store.judge.score.deliveries == ()
+
+
+def test_what_is_not_begun_when_time_is_up_is_still_waiting() -> None:
+    served = Served(
+        Situation.QUIET, 10.0, (OrderKind.PROVIDE, "supply", "area_3"), (OrderKind.COLLECT, "area_1", "delivery")
+    )
+
+    assert served.states() == ["open", None]
+
+
+@pytest.mark.parametrize("work_s", [0.0, 0.04])
+def test_simulated_time_waits_for_real_time(work_s: float) -> None:
+    clock, real = SimClock(), SimClock(1000.0)
+    Beat(clock, real, lambda: real.sleep(work_s))
+
+    clock.sleep(10.0)
+
+    assert real.now_s() - 1000.0 == pytest.approx(10.0, abs=2 * BEAT_S)
+
+
+def test_a_simulation_that_is_late_goes_on_from_where_it_is() -> None:
+    clock, real, beats = SimClock(), SimClock(), []
+    Beat(clock, real, lambda: beats.append(real.now_s()))
+    clock.sleep(1.0)
+    real.sleep(60.0)  # somebody has stopped the program
+
+    clock.sleep(2.0)
+
+    after = [instant_s for instant_s in beats if instant_s > 60.0]
+    assert max(after) - min(after) > 1.5, "it does not hurry to catch up"
+
+
+def test_without_real_time_nothing_is_waited_for() -> None:
+    clock, beats = SimClock(), []
+    Beat(clock, None, lambda: beats.append(clock.now_s()))
+
+    clock.sleep(1.0)
+
+    assert beats == pytest.approx([0.1 * number for number in range(1, 11)])

@@ -1,0 +1,201 @@
+"""P2's pick-up and its situations as whole runs, step by step as section 3.2 and section 6 tell them, with seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.knowledge import path, some
+from codra_papers.store.geometry import Point
+from codra_papers.store.layout import AREAS, DELIVERY, START
+from codra_papers.store.mission.trip import AbortedError, Trip
+from codra_papers.store.simulator.drawing import draw_store
+from codra_papers.store.simulator.situations import Situation, StoreSettings
+from codra_papers.store.simulator.state import Load, Whereabouts
+from codra_papers.store.simulator.store import Store
+
+PICK_UP = [
+    "navigating 1 finished arrived",
+    "detecting 1 finished found",
+    "navigating 2 finished arrived",
+    "detecting 2 finished found",
+    "rotating 1 finished turned",
+    "checking 1 finished found",
+    "navigating 3 finished arrived",
+    "lifting 1 finished lifted",
+]
+"""P2, section 3.2, t to t + 7: drive, look, approach, look again, turn, check the wheels, back up, lift."""
+
+
+class Run:
+    """One run of the shop with a trip by the book."""
+
+    def __init__(self, situation: Situation, seed: int, watch: Callable[[Store], None] = lambda _: None) -> None:
+        self.clock = SimClock()
+        self.store = Store(self.clock, StoreSettings(seed=seed, situation=situation))
+        self.trip = Trip(self.store.knowledge, self.clock)
+        self.path: list[Point] = []
+        self.store.world.watch(lambda state: self.path.append(state.robot.at.point_m))
+        watch(self.store)
+        self.clock.sleep(2.0)
+
+    def finished(self) -> list[str]:
+        """The tasks that have ended, in order, as the record tells them."""
+        lines = [line.split(" ", 1)[1] for line in self.store.record().splitlines() if " finished " in line]
+        return [line for line in lines if not line.startswith(("Store", "Score"))]
+
+
+@cache
+def collected(situation: Situation, seed: int) -> Run:
+    run = Run(situation, seed)
+    if run.trip.pick_up("area_1"):
+        run.trip.deliver("delivery")
+    run.trip.go_to("start")
+    run.clock.sleep(1.0)
+    return run
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_container_in_sight_is_fetched_from_the_first_pose_and_delivered(seed: int) -> None:
+    run = collected(Situation.ORDINARY, seed)
+
+    assert [line for line in run.finished() if line in PICK_UP] == PICK_UP
+    assert run.store.judge.score.deliveries == ("delivery",)
+    assert run.store.judge.score.bumps == 0
+    assert run.store.world.state().robot.at.distance_m(START) < 0.1
+    assert run.store.knowledge.refusals() == ()
+
+
+@pytest.mark.parametrize("seed", [3, 7])
+def test_a_hidden_container_is_found_from_the_second_pose(seed: int) -> None:
+    run = collected(Situation.HIDDEN, seed)
+    detections = [line for line in run.finished() if line.startswith("detecting")]
+
+    assert detections[:3] == ["detecting 1 finished lost", "detecting 2 finished found", "detecting 3 finished found"]
+    assert run.store.judge.score.deliveries == ("delivery",)
+
+
+def test_a_container_that_is_not_there_is_told_to_the_base_and_the_robot_returns() -> None:
+    run = collected(Situation.ABSENT, 3)
+    detections = [line for line in run.finished() if line.startswith("detecting")]
+
+    assert detections == ["detecting 1 finished lost", "detecting 2 finished lost"]
+    assert run.store.knowledge.get("base", "base_notice").value == "container_not_found"
+    assert run.store.judge.score.missions == 0
+    assert run.store.world.state().robot.at.distance_m(START) < 0.1
+
+
+def test_a_second_order_comes_while_the_container_is_loaded_and_it_is_full_on_the_way() -> None:
+    """P2's first situation; the change of course is the test's own."""
+    run = Run(Situation.SECOND_ORDER, 3)
+    trip, knowledge = run.trip, run.store.knowledge
+    full = knowledge.follow(
+        "robot", "container_load", lambda r: trip.abort() if r.known and r.value == "full" else None
+    )
+    (first,) = knowledge.snapshot().match(path(some("order", called="order"), "to_area", "area_1"))
+    trip.pick_up("supply")
+    trip.deliver("area_1")
+    trip.go_to("start")
+    assert knowledge.get("robot", "container_load").value == "loading"
+    assert knowledge.wait_for(path(some("order"), "to_area", "area_2"), timeout_s=100.0)
+    trip.pick_up("area_1")
+    with pytest.raises(AbortedError, match="navigating was aborted: requester"):
+        trip.deliver("area_2")
+    full.unsubscribe()
+    trip.close()
+    Trip(knowledge, run.clock).deliver("delivery")
+    (container,) = [each for each in run.store.world.state().containers if each.load is Load.FULL]
+
+    assert first.node("order") == "order_1"
+    assert container.at.distance_m(DELIVERY.places[0]) < 0.3
+    assert run.store.judge.score.deliveries == ("area_1", "delivery")
+
+
+def test_somebody_crosses_before_the_container_while_the_robot_is_about_to_fetch_it() -> None:
+    """P2's second situation: the graph tells who is near what, and what hears of it there can abort."""
+    run = Run(Situation.PEOPLE_CLOSE, 3)
+    distances_m: list[float] = []
+    someone = path(some("person"), "near", some("roll_container"))
+    knowledge = run.store.knowledge
+    knowledge.follow("robot", "person_distance", lambda r: distances_m.append(r.value) if r.known else None)
+    knowledge.subscribe(lambda change: run.trip.abort() if change.new else None, someone)
+    with pytest.raises(AbortedError, match="requester"):
+        run.trip.pick_up("area_1")
+    run.clock.sleep(1.0)
+
+    assert min(distances_m) < 5.0
+    assert dict(run.store.world.state().people_m).keys() >= {"visitor"}
+    assert run.store.world.state().robot.surface_speed_m_s() == 0.0
+    assert run.store.judge.score.bumps == 0
+
+
+def test_the_staff_take_away_what_was_delivered_and_renew_the_supply() -> None:
+    run = collected(Situation.ORDINARY, 3)
+    run.clock.sleep(70.0)
+    containers = {each.name: each for each in run.store.world.state().containers}
+
+    assert len(containers) == 3
+    assert containers["container_1"].where is Whereabouts.BACK_ROOM
+    assert containers["container_1"].load is Load.EMPTY
+    assert containers["container_2"].at == AREAS["supply"].places[0]
+
+
+def quarter(seed: int, watch: Callable[[Store], None] = lambda _: None) -> str:
+    run = Run(Situation.HIDDEN, seed, watch)
+    run.trip.go_to("area_1_pose_1")
+    run.clock.sleep(10.0)
+    return run.store.record()
+
+
+def test_the_same_seed_gives_the_same_record_byte_for_byte() -> None:
+    assert quarter(3) == quarter(3)
+    assert quarter(3) != quarter(4)
+
+
+def read_everything(store: Store) -> None:
+    knowledge, body = store.knowledge, store.world.body
+    for variable in ("person_distance", "front_gap", "speed"):
+        knowledge.follow("robot", variable, lambda _: None)
+    knowledge.subscribe(lambda change: change.snapshot.nodes(), path(some("person"), "near", "robot"))
+    store.world.watch(lambda _: (body.look(), body.believed(), body.battery_percent()))
+
+
+def test_more_readers_change_nothing() -> None:
+    assert quarter(3, read_everything) == quarter(3)
+
+
+def test_the_map_is_drawn_the_same_twice(tmp_path: Path) -> None:
+    run = collected(Situation.ORDINARY, 3)
+    for name in ("one.svg", "two.svg"):
+        draw_store(tmp_path / name, run.store.world.state(), run.path)
+    picture = (tmp_path / "one.svg").read_bytes()
+
+    assert picture == (tmp_path / "two.svg").read_bytes()
+    assert picture.startswith(b"<?xml")
+    assert len(picture) > 20_000
+
+
+STEPS = ("navigating", "detecting", "rotating", "checking", "lifting")
+
+
+@pytest.mark.parametrize("step", STEPS)
+def test_a_trip_that_is_aborted_at_any_step_leaves_a_robot_that_can_go_home(step: str) -> None:
+    run = Run(Situation.ORDINARY, 5)
+    acknowledged = path("robot", "is", step)
+    run.store.knowledge.subscribe(lambda change: run.trip.abort() if change.new else None, acknowledged)
+    with pytest.raises(AbortedError, match=f"{step} was aborted: requester"):
+        run.trip.pick_up("area_1")
+    run.trip.close()
+    run.clock.sleep(1.5)
+    assert run.store.world.state().robot.surface_speed_m_s() == 0.0
+
+    home = Trip(run.store.knowledge, run.clock)
+    if step != "navigating":
+        home.go_to("start")
+        assert run.store.world.state().robot.at.distance_m(START) < 0.1
+    home.close()
+    assert run.store.judge.score.bumps == 0

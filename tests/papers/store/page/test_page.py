@@ -1,0 +1,396 @@
+"""The picker's page over real sockets, while a shop is open: what it writes, what it shows, and whom it refuses."""
+
+from __future__ import annotations
+
+import json
+import random
+import socket
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from http.client import HTTPConnection
+from typing import Any, TypeVar
+
+import pytest
+
+from codra_dsl.runtime import SimClock, member, real
+from codra_dsl.runtime.knowledge import AgentModel, AttributeModel, Knowledge, KnowledgeModel, Phase, by
+from codra_papers.experiments.pacing import Beat
+from codra_papers.store.knowledge import store_knowledge
+from codra_papers.store.page.app import MOST_WAITING_ORDERS
+from codra_papers.store.page.desk import MOST_WAITING, BusyError, Desk
+from codra_papers.store.page.requests import MOST_BYTES
+from codra_papers.store.page.server import PageServer
+from codra_papers.store.page.streaming import MOST_STREAMS
+from codra_papers.store.simulator.situations import Situation, StoreSettings
+from codra_papers.store.simulator.store import Store
+
+ResultT = TypeVar("ResultT")
+MOST_STEPS = 20_000
+
+
+class OpenShop:
+    """A shop with its page; its time passes while `during` waits for something that another thread does."""
+
+    def __init__(self, model: KnowledgeModel | None = None) -> None:
+        self._stack = ExitStack()
+        self.clock = SimClock()
+        knowledge = Knowledge(model or store_knowledge(), clock=self.clock)
+        self.store = Store(self.clock, StoreSettings(situation=Situation.QUIET), knowledge)
+        self.page = self._stack.enter_context(PageServer(self.store))
+        self._pool = self._stack.enter_context(ThreadPoolExecutor(4))
+        Beat(self.clock, None, self.page.desk.serve)
+
+    def close(self) -> None:
+        self._stack.close()
+
+    def during(self, act: Callable[[], ResultT]) -> ResultT:
+        future = self._pool.submit(act)
+        for _ in range(MOST_STEPS):
+            if future.done():
+                break
+            self.clock.sleep(0.1)
+        return future.result(timeout=10.0)
+
+    def ask(self, method: str, path: str, body: bytes = b"", **headers: str) -> tuple[int, Mapping[str, Any]]:
+        """Ask as the page itself would, unless the headers say otherwise; an empty one is left out."""
+        own = f"127.0.0.1:{self.page.port}"
+        usual = {"host": own, "origin": f"http://{own}", "content-type": "application/json"}
+        sent = usual | {name.replace("_", "-"): text for name, text in headers.items()}
+
+        def act() -> tuple[int, Mapping[str, Any]]:
+            with closing(HTTPConnection("127.0.0.1", self.page.port, timeout=10.0)) as connection:
+                connection.request(method, path, body, {name: text for name, text in sent.items() if text})
+                response = connection.getresponse()
+                told = response.read()
+                is_json = response.headers.get_content_type() == "application/json"
+                return response.status, json.loads(told) if is_json else {}
+
+        return self.during(act)
+
+    def say(self, path: str, **said: object) -> tuple[int, Mapping[str, Any]]:
+        return self.ask("POST", path, json.dumps(said).encode())
+
+    def written(self) -> tuple[int, bool]:
+        """Return how many orders there are, and whether a load is known: all that a page can write."""
+        snapshot = self.store.knowledge.snapshot()
+        return len(snapshot.nodes("order")), snapshot.get("robot", "container_load").known
+
+    def stream(self, receive_bytes: int | None = None) -> socket.socket:
+        """Open a stream of events as a browser does."""
+        stream = socket.socket()
+        if receive_bytes is not None:
+            stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+        stream.settimeout(10.0)
+        stream.connect(("127.0.0.1", self.page.port))
+        stream.sendall(f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{self.page.port}\r\n\r\n".encode())
+        return stream
+
+
+@pytest.fixture
+def shop() -> Iterator[OpenShop]:
+    opened = OpenShop()
+    yield opened
+    opened.close()
+
+
+def read_until(stream: socket.socket, wanted: Callable[[bytes], bool]) -> bytes:
+    read = b""
+    while not wanted(read):
+        piece = stream.recv(65_536)
+        assert piece, "the stream ended"
+        read += piece
+    return read
+
+
+# What it writes
+
+
+@pytest.mark.parametrize(
+    ("said", "of_area", "to_area"),
+    [
+        ({"kind": "provide", "area": "area_2"}, "supply", "area_2"),
+        ({"kind": "collect", "area": "area_3"}, "area_3", "delivery"),
+        ({"kind": "move", "area": "area_3", "to": "area_1"}, "area_3", "area_1"),
+    ],
+)
+def test_an_order_is_knowledge_that_the_agent_picker_page_has_written(
+    shop: OpenShop, said: Mapping[str, str], of_area: str, to_area: str
+) -> None:
+    status, told = shop.say("/orders", **said)
+
+    snapshot = shop.store.knowledge.snapshot()
+    (order,) = snapshot.nodes("order")
+    assert (status, told) == (201, {"written": order.name, "by": "picker_page"})
+    assert (order.writer, snapshot.get(order.name, "kind").value) == ("picker_page", said["kind"])
+    assert snapshot.has_edge(order.name, "of_area", of_area)
+    assert snapshot.has_edge(order.name, "to_area", to_area)
+
+
+def test_a_container_that_is_marked_is_knowledge_of_the_robot(shop: OpenShop) -> None:
+    status, _ = shop.say("/load", load="full")
+
+    reading = shop.store.knowledge.get("robot", "container_load")
+    assert (status, reading.value, reading.source) == (201, "full", "picker_page")
+
+
+def test_an_order_is_taken_back_once_and_only_if_there_is_one(shop: OpenShop) -> None:
+    assert shop.say("/orders", kind="provide", area="area_2")[0] == 201
+
+    assert shop.say("/cancel", order="order_1") == (201, {"written": "order_1.cancelled", "by": "picker_page"})
+    assert shop.store.knowledge.get("order_1", "cancelled").value is True
+    assert shop.say("/cancel", order="order_2") == (409, {"error": "there is no order 'order_2'", "by": "picker_page"})
+    assert shop.say("/cancel", order=7)[0] == 400
+    shop.store.knowledge.as_agent("mission").set("order_1", "state", "done")
+    assert shop.say("/cancel", order="order_1")[1]["error"] == "order_1 is done already"
+
+
+def test_who_may_write_is_told_to_the_person_who_may_not() -> None:
+    model = store_knowledge()
+    robot = next(each for each in model.node_types if each.name == "robot")
+    attributes = tuple(
+        replace(each, sources=by("mission")) if each.name == "container_load" else each for each in robot.attributes
+    )
+    types = tuple(replace(robot, attributes=attributes) if each is robot else each for each in model.node_types)
+    shop = OpenShop(replace(model, node_types=types))
+    with closing(shop):
+        status, told = shop.say("/load", load="full")
+        _, view = shop.ask("GET", "/view")
+
+    assert status == 409
+    assert told == {
+        "error": "'robot.container_load' is for mission to write, not for 'picker_page'",
+        "by": "picker_page",
+    }
+    assert [(each["agent"], each["why"]) for each in view["refusals"]] == [("picker_page", told["error"])]
+
+
+def test_orders_beyond_what_may_wait_are_refused(shop: OpenShop) -> None:
+    statuses = [shop.say("/orders", kind="provide", area="area_1")[0] for _ in range(MOST_WAITING_ORDERS + 1)]
+
+    assert statuses == [201] * MOST_WAITING_ORDERS + [409]
+    assert shop.written()[0] == MOST_WAITING_ORDERS
+
+
+# Whom it refuses
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"host": "shop.example"}, 421),
+        ({"host": "127.0.0.1"}, 421),
+        ({"host": "127.0.0.1:1"}, 421),
+        ({"origin": "http://shop.example"}, 403),
+        ({"origin": "null"}, 403),
+        ({"origin": ""}, 403),
+        ({"content_type": "text/plain"}, 415),
+        ({"content_type": "application/x-www-form-urlencoded"}, 415),
+        ({"content_type": ""}, 415),
+    ],
+)
+def test_what_another_page_makes_a_browser_send_is_refused(
+    shop: OpenShop, headers: Mapping[str, str], status: int
+) -> None:
+    refused, told = shop.ask("POST", "/load", b'{"load": "full"}', **headers)
+
+    assert (refused, "error" in told) == (status, True)
+    assert shop.written() == (0, False)
+
+
+def test_a_name_that_leads_here_reads_nothing(shop: OpenShop) -> None:
+    for path in ("/", "/view", "/events", "/page.js"):
+        assert shop.ask("GET", path, host="shop.example:80")[0] == 421
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "status"),
+    [
+        ("/orders", b"", 400),
+        ("/orders", b"[]", 400),
+        ("/orders", b"\xff\xfe", 400),
+        ("/orders", b"[" * 1000, 400),
+        ("/orders", b'{"kind": "provide"}', 400),
+        ("/orders", b'{"kind": "provide", "area": "delivery"}', 400),
+        ("/orders", b'{"kind": "provide", "area": ["area_1"]}', 400),
+        ("/orders", b'{"kind": "steal", "area": "area_1"}', 400),
+        ("/orders", b'{"kind": "move", "area": "area_1", "to": "area_1"}', 400),
+        ("/orders", b'{"kind": "provide", "area": "area_1", "state": "done"}', 400),
+        ("/load", b'{"load": true}', 400),
+        ("/load", b'{"load": "full"}' + b" " * MOST_BYTES, 413),
+        ("/nowhere", b"{}", 404),
+        ("/view", b"{}", 405),
+    ],
+)
+def test_what_says_nothing_that_a_page_would_say_writes_nothing(
+    shop: OpenShop, path: str, body: bytes, status: int
+) -> None:
+    refused, told = shop.ask("POST", path, body)
+
+    assert (refused, bool(told["error"])) == (status, True)
+    assert shop.written() == (0, False)
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE", "PATCH", "OPTIONS", "TRACE"])
+def test_other_methods_are_refused(shop: OpenShop, method: str) -> None:
+    assert shop.ask(method, "/load", b'{"load": "full"}')[0] == 405
+    assert shop.written() == (0, False)
+
+
+def test_bytes_that_are_no_request_hurt_nobody(shop: OpenShop) -> None:
+    chance = random.Random(1)
+    beginnings = (
+        b"",
+        b"POST /load HTTP/1.1\r\n",
+        b"GET / HTTP/1.1\r\nHost: ",
+        b"POST /orders HTTP/1.1\r\nContent-Length: -",
+    )
+
+    def send() -> None:
+        for number in range(200):
+            with socket.create_connection(("127.0.0.1", shop.page.port), timeout=10.0) as connection:
+                connection.sendall(beginnings[number % 4] + chance.randbytes(chance.randrange(1, 3000)))
+
+    shop.during(send)
+
+    assert shop.written() == (0, False)
+    assert any(shop.ask("GET", "/")[0] == 200 for _ in range(100))  # first it has to notice that all are gone
+
+
+def test_answers_let_a_browser_take_nothing_from_elsewhere(shop: OpenShop) -> None:
+    def headers() -> Mapping[str, str]:
+        with closing(HTTPConnection("127.0.0.1", shop.page.port, timeout=10.0)) as connection:
+            connection.request("GET", "/")
+            response = connection.getresponse()
+            assert b"://" not in response.read().replace(b"http://www.w3.org/2000/svg", b"")
+            return dict(response.headers.items())
+
+    found = shop.during(headers)
+
+    assert found["content-security-policy"].startswith("default-src 'none'; script-src 'self';")
+    assert "access-control-allow-origin" not in found
+
+
+# What it shows
+
+
+def test_a_view_shows_what_the_robot_knows_and_not_what_is_true(shop: OpenShop) -> None:
+    shop.clock.sleep(1.0)
+    _, view = shop.ask("GET", "/view")
+
+    assert view["containers"] == [], "nobody has looked for the ones that are there"
+    assert len(shop.store.world.state().standing()) == 2
+    assert view["robot"]["x_m"] == pytest.approx(8.2, abs=0.2)
+    assert {task["stage"] for task in view["tasks"]} == {""}
+    assert (view["metrics"], view["weights"], view["courses"]) == ([], [], [])
+
+
+def with_loop() -> KnowledgeModel:
+    """Return the shop's declarations with what the agents of a loop write."""
+    model = store_knowledge()
+    attributes = (
+        AttributeModel(name="safety", type=real(0, 1), sources=by("analysis")),
+        AttributeModel(name="weight_of_deliver", type=real(0, 1), sources=by("analysis")),
+        AttributeModel(name="course", type=member("deliver", "start"), sources=by("adaptation")),
+    )
+    return replace(
+        model,
+        nodes=tuple(replace(each, attributes=attributes) if each.name == "base" else each for each in model.nodes),
+        agents=(*model.agents, AgentModel(name="analysis", phase=Phase.ANALYSE)),
+    )
+
+
+def test_metrics_weights_and_the_course_are_shown_where_agents_write_them() -> None:
+    shop = OpenShop(with_loop())
+    with closing(shop):
+        with shop.store.knowledge.as_agent("analysis") as analysis:
+            analysis.set("base", "safety", 0.5)
+            analysis.set("base", "weight_of_deliver", 0.25)
+        _, view = shop.ask("GET", "/view")
+
+    assert [(each["label"], each["value"]) for each in view["metrics"]] == [("Safety", 0.5)]
+    assert [(each["label"], each["value"]) for each in view["weights"]] == [("Deliver", 0.25)]
+    assert [(each["value"], each["reason"]) for each in view["courses"]] == [(None, "Never observed")]
+    assert [each["wrote_s"] for each in view["loop"] if each["phase"] == "analyse"] == [0.0]
+
+
+def test_a_browser_is_told_what_changes_and_then_is_as_things_are(shop: OpenShop) -> None:
+    with closing(shop.stream()) as stream:
+        shop.during(lambda: read_until(stream, lambda read: b'"orders":[]' in read))
+        shop.say("/orders", kind="provide", area="area_4")
+        shop.during(lambda: read_until(stream, lambda read: b'"to_area":"area_4"' in read))
+
+
+def test_a_browser_that_does_not_read_holds_up_neither_the_shop_nor_other_browsers(shop: OpenShop) -> None:
+    with closing(shop.stream(receive_bytes=2048)) as slow, closing(shop.stream()) as quick:
+        views = shop.during(lambda: read_until(quick, lambda read: read.count(b"\ndata: ") > 30))
+        shop.say("/load", load="loading")
+        shop.during(lambda: read_until(quick, lambda read: b'"value":"loading"' in read))
+        shop.during(lambda: read_until(slow, lambda read: b'"value":"loading"' in read))
+
+    assert len(views) > 30 * 2048
+    assert shop.store.knowledge.get("robot", "container_load").value == "loading"
+
+
+def test_more_browsers_than_there_is_room_for_are_told_so(shop: OpenShop) -> None:
+    with ExitStack() as stack:
+        for _ in range(MOST_STREAMS):
+            stream = stack.enter_context(closing(shop.stream()))
+            shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
+        refused, told = shop.ask("GET", "/events")
+
+    assert (refused, told) == (503, {"error": f"{MOST_STREAMS} browsers look at this page already"})
+
+
+def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
+    shop = OpenShop()
+    with closing(shop.stream()) as stream:
+        shop.during(lambda: read_until(stream, lambda read: b"data: " in read))
+        shop.close()
+        while stream.recv(65_536):
+            pass
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", shop.page.port), timeout=10.0)
+
+
+def test_it_listens_on_this_machine_alone(shop: OpenShop) -> None:
+    assert shop.page.url == f"http://127.0.0.1:{shop.page.port}/"
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", shop.page.port), timeout=10.0)
+
+
+# The desk
+
+
+def test_the_desk_does_what_waits_in_the_thread_that_comes_by_and_tells_what_came_of_it() -> None:
+    desk, done = Desk(), []
+    first, second = desk.ask(lambda: done.append("first")), desk.ask(lambda: 1 / 0)
+    assert done == []
+
+    desk.serve()
+
+    assert (done, first.result()) == (["first"], None)
+    assert isinstance(second.exception(), ZeroDivisionError)
+
+
+def test_what_nobody_waits_for_any_more_is_not_done() -> None:
+    desk, done = Desk(), []
+    desk.ask(lambda: done.append("done")).cancel()
+
+    desk.serve()
+
+    assert done == []
+
+
+def test_a_desk_that_is_full_or_closed_says_so() -> None:
+    desk = Desk()
+    waiting = [desk.ask(lambda: None) for _ in range(MOST_WAITING)]
+    with pytest.raises(BusyError, match="too many"):
+        desk.ask(lambda: None)
+
+    desk.close()
+
+    assert {str(each.exception()) for each in waiting} == {"the run is over"}
+    with pytest.raises(BusyError, match="over"):
+        desk.ask(lambda: None)

@@ -1,0 +1,305 @@
+"""The shop itself, under any commands: nothing goes through anything, nothing is lost, and it repeats."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import pi
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codra_dsl.runtime import SimClock
+from codra_papers.store.body import Lift, Outcome, Side, Way
+from codra_papers.store.geometry import Disc, Point, Pose2D
+from codra_papers.store.layout import AREAS, DOCK, FIXED, START, robot_at
+from codra_papers.store.simulator.people import Person, crossing, shopper
+from codra_papers.store.simulator.situations import Situation, StoreSettings, beginning
+from codra_papers.store.simulator.state import Container, StoreState, Whereabouts
+from codra_papers.store.simulator.truth import Judge, Score, is_unsafe, nearest_person_m
+from codra_papers.store.simulator.world import Beginning, StoreWorld
+
+PLACE = AREAS["area_1"].places[0]
+
+
+def opened(
+    *, at: Pose2D = START, containers: tuple[Container, ...] = (), people: tuple[Person, ...] = (), level: float = 100.0
+) -> tuple[SimClock, StoreWorld, list[StoreState]]:
+    clock = SimClock()
+    begun = Beginning(seed=1, containers=containers, people=people, robot=at, battery_percent=level)
+    world, states = StoreWorld(clock, begun), list[StoreState]()
+    world.watch(states.append)
+    return clock, world, states
+
+
+def standing(at_m: Point) -> Person:
+    return crossing(at_m, [at_m], 1, at_m)
+
+
+drives = st.tuples(
+    st.just("drive"),
+    st.lists(st.tuples(st.floats(0, 20), st.floats(0, 15)), min_size=1, max_size=2),
+    st.sampled_from(Way),
+)
+turns = st.tuples(st.just("turn"), st.floats(-pi, pi))
+lifts = st.tuples(st.just("lift"), st.sampled_from(Lift))
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.lists(st.tuples(st.one_of(drives, turns, lifts), st.floats(0.5, 20)), min_size=2, max_size=5))
+def test_whatever_is_commanded_the_robot_is_never_inside_anything_and_no_container_is_lost(commands: list) -> None:  # type: ignore[type-arg]
+    begun = beginning(StoreSettings(seed=2, shoppers=2))
+    clock = SimClock()
+    world, states = StoreWorld(clock, begun), list[StoreState]()
+    world.watch(states.append)
+    for (name, *values), wait_s in commands:
+        getattr(world.body, name)(*values, lambda _: None)
+        clock.sleep(wait_s)
+
+    for state in states:
+        assert not any(part.overlaps(box) for part in state.footprint() for box in FIXED)
+        assert sorted(each.name for each in state.containers) == sorted(each.name for each in begun.containers)
+        assert sum(each.where is Whereabouts.FORK for each in state.containers) <= 1
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.lists(st.sampled_from(["start", "area_2", "area_3"]), min_size=1, max_size=2))
+def test_the_battery_only_falls_while_the_robot_drives(names: list[str]) -> None:
+    clock, world, states = opened(level=50.0)
+    for name in names:
+        goal = START if name == "start" else AREAS[name].observation[0]
+        world.body.drive([goal.point_m], Way.FORWARD, lambda _: None)
+        clock.sleep(12)
+    levels = [state.robot.battery_percent for state in states]
+
+    assert all(later < earlier for earlier, later in pairwise(levels))
+
+
+def test_at_the_dock_the_battery_is_charged_and_never_above_full() -> None:
+    clock, world, _ = opened(at=DOCK, level=99.0)
+    clock.sleep(60)
+
+    assert world.body.is_charging()
+    assert world.state().robot.battery_percent == 100.0
+
+
+def test_an_empty_battery_stays_empty() -> None:
+    clock, world, _ = opened(level=0.001)
+    clock.sleep(10)
+
+    assert world.body.battery_percent() == 0.0
+
+
+def test_before_somebody_in_its_lane_the_robot_stops_and_gives_up() -> None:
+    clock, world, states = opened(people=(standing((8.2, 6.0)),))
+    outcomes: list[Outcome] = []
+    world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
+    clock.sleep(30)
+
+    assert outcomes == [Outcome.BLOCKED]
+    assert 0.2 < nearest_person_m(states[-1]) < 0.6
+    assert world.events == []
+
+
+def test_somebody_in_the_dark_of_no_laser_is_bumped_into_and_counted() -> None:
+    """The motion layer cannot be outrun by a person who stands still, so one is put under the turning fork."""
+    clock, world, states = opened()
+    judge = Judge(world.state())
+    world.watch(judge.see)
+    outcomes: list[Outcome] = []
+    world.body.drive([(8.2, 9.0)], Way.FORWARD, outcomes.append)
+    clock.sleep(5)
+    x_m, y_m = world.state().robot.at.out(0.75)
+    world.add_person(standing((x_m, y_m)))
+    clock.sleep(2)
+
+    assert outcomes == [Outcome.BUMPED]
+    assert judge.score.bumps == 1
+    assert world.body.is_bumped()
+    assert "the robot bumped into visitor" in [what for _, what in world.events]
+    assert states[-1].robot.speed_m_s == 0.0
+    clock.sleep(3)
+    assert not world.body.is_bumped()
+
+
+@pytest.mark.parametrize("beside_m", [-0.5, 0.5])
+@pytest.mark.parametrize(
+    ("command", "values"),
+    [("drive", ([(4.6, 6.0)], Way.BACKWARD)), ("drive", ([(2.0, 9.5)], Way.FORWARD)), ("turn", (pi,))],
+)
+def test_no_motion_touches_somebody_beside_the_fork_of_whom_lasers_meet_the_near_side_only(
+    command: str, values: tuple[object, ...], beside_m: float
+) -> None:
+    """Backing up would bring the body into them, driving a curve or turning the fork."""
+    at = Pose2D(4.6, 8.6, pi / 2)
+    clock, world, _ = opened(at=at, people=(standing(at.out(-0.29, beside_m)),))
+    getattr(world.body, command)(*values, lambda _: None)
+    clock.sleep(6)
+
+    assert world.events == []
+
+
+def test_people_stop_before_the_robot_and_at_last_turn_round() -> None:
+    walker = crossing((8.2, 6.0), [(8.2, 0.5)], 1, (8.2, 0.5))
+    clock, _, states = opened(people=(walker,))
+    clock.sleep(30)
+
+    assert min(nearest_person_m(state) for state in states) > 0.0
+    assert min(state.people_m[0][1][1] for state in states) > 2.4
+
+
+def test_one_more_person_changes_nothing_for_the_others() -> None:
+    alone_clock, _, alone = opened(people=(shopper(5, 0),))
+    many_clock, _, many = opened(people=(shopper(5, 0), shopper(5, 1), shopper(5, 2)))
+    alone_clock.sleep(60)
+    many_clock.sleep(60)
+
+    assert [state.people_m[0] for state in alone] == [state.people_m[0] for state in many]
+    assert len({state.people_m[0][1] for state in alone}) > 100
+
+
+def test_people_never_walk_through_shelves() -> None:
+    clock, _, states = opened(at=DOCK, people=tuple(shopper(seed, seed) for seed in range(4)))
+    clock.sleep(240)
+    inside = [
+        (state.instant_s, name)
+        for state in states
+        for name, at_m in state.people_m
+        if min(box.distance_m(at_m) for box in FIXED) < 0.2
+    ]
+
+    assert inside == []
+
+
+def test_a_container_is_lifted_only_from_right_above_the_fork() -> None:
+    for aside_m, is_lifted in ((0.0, True), (0.08, True), (0.12, False)):
+        container = Container(name="box", at=PLACE)
+        at = robot_at(Pose2D(PLACE.x_m, PLACE.y_m + aside_m))
+        clock, world, _ = opened(at=at, containers=(container,))
+        world.body.lift(Lift.UP, lambda _: None)
+        clock.sleep(4)
+
+        assert world.body.has_load() is is_lifted
+
+
+def test_what_is_carried_goes_along_and_stands_where_it_is_set_down() -> None:
+    clock, world, _ = opened(at=robot_at(PLACE), containers=(Container(name="box", at=PLACE),))
+    world.body.lift(Lift.UP, lambda _: None)
+    clock.sleep(4)
+    world.body.drive([(4.6, PLACE.y_m)], Way.FORWARD, lambda _: None)
+    clock.sleep(8)
+    world.body.lift(Lift.DOWN, lambda _: None)
+    clock.sleep(4)
+    (box,) = world.state().containers
+
+    assert box.where is Whereabouts.FLOOR
+    assert box.at.distance_m(world.state().robot.at.ahead(-0.4)) < 1e-6
+    assert box.at.x_m > PLACE.x_m + 1.4
+
+
+@pytest.mark.parametrize("when_s", [0.05, 0.5, 1.5, 4.0])
+def test_a_stopped_robot_stands_within_a_second(when_s: float) -> None:
+    clock, world, _ = opened()
+    outcomes: list[Outcome] = []
+    stop = world.body.drive([(8.2, 11.0)], Way.FORWARD, outcomes.append)
+    clock.sleep(when_s)
+    stop()
+    assert outcomes == [Outcome.STOPPED]
+    clock.sleep(1.0)
+
+    assert world.state().robot.surface_speed_m_s() == 0.0
+    here = world.state().robot.at
+    clock.sleep(5.0)
+    assert world.state().robot.at == here
+
+
+def test_what_has_given_way_to_another_command_is_stopped_without_stopping_that() -> None:
+    """Who lifts hears of its abortion when somebody else drives already."""
+    clock, world, _ = opened()
+    outcomes: list[Outcome] = []
+    stop = world.body.lift(Lift.UP, outcomes.append)
+    clock.sleep(1.0)
+    world.body.drive([(8.2, 7.0)], Way.FORWARD, outcomes.append)
+    stop()
+    clock.sleep(20.0)
+
+    assert outcomes == [Outcome.STOPPED, Outcome.DONE]
+
+
+def test_the_robot_drives_no_faster_than_it_is_told() -> None:
+    clock, world, states = opened()
+    world.body.set_max_speed(0.4)
+    world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
+    clock.sleep(15)
+
+    assert max(state.robot.speed_m_s for state in states) <= 0.4
+    assert max(state.robot.surface_speed_m_s() for state in states) == pytest.approx(0.4)
+
+
+def test_readings_are_the_same_whoever_asks_and_however_often() -> None:
+    asked_clock, asked, asked_states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
+    clock, world, states = opened(people=(shopper(5, 0),), containers=(Container(name="box", at=PLACE),))
+    for each in (asked, world):
+        each.body.drive([(8.2, 9.0)], Way.FORWARD, lambda _: None)
+    looks = []
+    asked.watch(lambda _: looks.append((asked.body.look(), [asked.body.scan(side) for side in Side])))
+    asked_clock.sleep(5)
+    clock.sleep(5)
+
+    assert len(looks) == 50
+    assert asked_states == states
+    assert asked.body.look() == world.body.look()
+    assert (asked.body.scan(Side.BACK).ranges_m == world.body.scan(Side.BACK).ranges_m).all()
+
+
+def test_any_whole_number_is_a_seed_and_each_has_its_own_noise() -> None:
+    scans = []
+    for seed in (-2, -1, 0, 1, 2, -1):
+        world = StoreWorld(SimClock(), beginning(StoreSettings(seed=seed, shoppers=0)))
+        scans.append(world.body.scan(Side.BACK).ranges_m.tobytes())
+    assert len(set(scans)) == 5
+    assert scans[1] == scans[-1]
+
+
+def test_the_lasers_see_what_stands_there_to_a_few_centimetres() -> None:
+    clock, world, _ = opened(people=(standing((8.2, 5.0)),))
+    clock.sleep(1)
+    points = world.body.scan(Side.FRONT_LEFT).points_m()
+    ahead = min(x for x, y in points.tolist() if abs(y) < 0.1)
+
+    assert ahead == pytest.approx(5.0 - 0.25 - START.y_m, abs=0.05)
+
+
+def test_unsafe_is_fast_and_near_and_nothing_less() -> None:
+    clock, world, states = opened(people=(standing((9.3, 6.0)),))
+    judge = Judge(world.state())
+    world.watch(judge.see)
+    world.body.drive([(8.2, 11.0)], Way.FORWARD, lambda _: None)
+    clock.sleep(15)
+    by_hand = [
+        state
+        for state in states
+        if state.robot.speed_m_s > 0.3
+        and min(box.distance_m(Disc((9.3, 6.0), 0.25).centre_m) for box in state.footprint()) - 0.25 < 1.0
+    ]
+
+    assert len(by_hand) > 10
+    assert [state for state in states if is_unsafe(state)] == by_hand
+    assert judge.score.unsafe_s == pytest.approx(len(by_hand) * 0.1)
+
+
+def test_nothing_is_judged_where_nothing_happens() -> None:
+    clock, world, _ = opened()
+    judge = Judge(world.state())
+    world.watch(judge.see)
+    clock.sleep(5)
+
+    assert judge.score == Score()
+
+
+def test_each_situation_begins_as_it_says() -> None:
+    at = {situation: beginning(StoreSettings(situation=situation)).containers[0].at for situation in Situation}
+
+    assert at[Situation.ORDINARY] == at[Situation.PEOPLE_CLOSE] == PLACE
+    assert at[Situation.HIDDEN] == AREAS["area_1"].places[1]
+    assert at[Situation.ABSENT] == at[Situation.SECOND_ORDER] == AREAS["supply"].places[0]

@@ -1,0 +1,182 @@
+"""The chain of one adaptation in the store, worked out anew from its journal and the words of the spec.
+
+Nothing of the runtime's arithmetic is used: rules are their texts, terms are written here as specs/store.yaml has them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+
+import pytest
+
+from codra_dsl.runtime.journal import Event, Kind
+from codra_papers.store.simulator.situations import Situation
+from tests.papers.store.test_loops_of_the_store import told
+
+ACTIONS = ("pick", "deliver", "start", "dock")
+SMOOTH_S, LEAD, HOLD_S, DWELL_S = 1.0, 0.1, 3.0, 5.0
+RAMPS = {
+    ("battery_level", "empty"): (30.0, 10.0),
+    ("battery_level", "full"): (10.0, 30.0),
+    ("battery_drain", "fast"): (1.0, 2.0),
+    ("person_distance", "close"): (2.5, 1.5),
+}
+DRAINS = [step / 10.0 for step in range(51)]
+"""What an unknown drain can be."""
+
+POINTS = 1000
+"""How many points of an output's range FuzzyLite looks at unless it is told otherwise."""
+
+Values = Mapping[str, object]
+
+
+def ramp(x: float, start: float, end: float) -> float:
+    return min(1.0, max(0.0, (x - start) / (end - start)))
+
+
+def share_is(term: str, x: float) -> float:
+    return {"low": ramp(x, 0.5, 0.2), "medium": 1.0 - min(1.0, abs(x - 0.5) / 0.3), "high": ramp(x, 0.5, 0.8)}[term]
+
+
+def degree(variable: str, term: str, value: object) -> float:
+    if isinstance(value, (bool, str)):
+        return float(str(value).lower() == term)
+    assert isinstance(value, float)
+    if (variable, term) in RAMPS:
+        return ramp(value, *RAMPS[variable, term])
+    return share_is(term, value)
+
+
+def holds(proposition: str, values: Values) -> float:
+    variable, _, *words = proposition.split()
+    found = degree(variable, words[-1], values[variable])
+    return 1.0 - found if words[:-1] == ["not"] else found
+
+
+def strength(rule: str, values: Values) -> float:
+    condition = rule.removeprefix("if ").partition(" then ")[0]
+    return max(min(holds(each, values) for each in part.split(" and ")) for part in condition.split(" or "))
+
+
+def inferred(rules: list[str], values: Values) -> float:
+    """Mamdani's method: conclusions cut off at their rules' strengths, and the centre of gravity of all of them."""
+    said = [(rule.split()[-1], strength(rule, values)) for rule in rules]
+    xs = [(index + 0.5) / POINTS for index in range(POINTS)]
+    ys = [max(min(strong, share_is(term, x)) for term, strong in said) for x in xs]
+    return sum(x * y for x, y in zip(xs, ys, strict=True)) / sum(ys)
+
+
+@pytest.fixture(scope="module")
+def events() -> list[Event]:
+    return told(Situation.PEOPLE_CLOSE).events
+
+
+@pytest.fixture(scope="module")
+def switch(events: list[Event]) -> Event:
+    """The robot gives the pick-up up because somebody is close."""
+    (*_, last) = [each for each in events if (each.name, each.what) == ("course", "chosen")]
+    assert (last.details["before"], last.details["action"]) == ("pick", "start")
+    return last
+
+
+def readings(switch: Event) -> dict[str, object]:
+    return {each["variable"]: json.loads(each["value"]) for each in switch.details["readings"] if "value" in each}
+
+
+def rules_about(switch: Event, output: str) -> list[str]:
+    return [each["text"] for each in switch.details["rules"] if each["concludes"] == [output]]
+
+
+def test_what_the_chain_says_was_known_is_what_was_written(events: list[Event], switch: Event) -> None:
+    before = events[: events.index(switch)]
+    for each in switch.details["readings"]:
+        (*_, last) = [event for event in before if (event.kind, event.name) == (Kind.VARIABLE, each["variable"])]
+        if "value" in each:
+            assert (last.details["value"], last.details["evidence_s"]) == (
+                json.loads(each["value"]),
+                each["evidence_s"],
+            )
+        else:
+            assert last.what == "unknown"
+
+
+def worked_out(switch: Event) -> dict[str, float]:
+    """The metrics: the least that each comes to, whatever an unknown drain is."""
+    known = readings(switch)
+    scenes = [known] if "battery_drain" in known else [{**known, "battery_drain": drain} for drain in DRAINS]
+    return {
+        name: min(inferred(rules_about(switch, name), scene) for scene in scenes)
+        for name in ("safety", "mission_completion", "power_autonomy")
+    }
+
+
+def test_metrics_weights_and_strengths_follow_from_what_was_known(switch: Event) -> None:
+    metrics = worked_out(switch)
+    known: dict[str, object] = {**readings(switch), **metrics}
+    for each in switch.details["metrics"]:
+        is_certain = each["low"] == each["high"]
+        assert each["value"] == pytest.approx(metrics[each["name"]], abs=1e-6 if is_certain else 1e-3)
+        assert each["value"] <= metrics[each["name"]] + 1e-6  # bounds may be too wide, never too narrow
+    for each in switch.details["weights"]:
+        expected = inferred(rules_about(switch, each["name"]), known)
+        assert each["value"] == pytest.approx(expected, abs=1e-3)  # a hair's breadth of a metric counts much for dock
+    for each in switch.details["rules"]:
+        if "battery_drain" not in each["text"]:
+            assert each["low"] == each["high"] == pytest.approx(strength(each["text"], known), abs=1e-3)
+
+
+def changes(events: list[Event], action: str) -> Iterator[tuple[float, float]]:
+    """When which weight was written, until the switch."""
+    for each in events:
+        if (each.kind, each.name, each.what) == (Kind.VARIABLE, f"weight_of_{action}", "identified"):
+            yield each.instant_s, each.details["value"]
+
+
+def smoothed(written: list[tuple[float, float]], instant_s: float) -> float:
+    found = written[0][1]
+    for (since_s, weight), (until_s, _) in pairwise([*written, (math.inf, 0.0)]):
+        if since_s <= instant_s:
+            found = weight + (found - weight) * math.exp((since_s - min(until_s, instant_s)) / SMOOTH_S)
+    return found
+
+
+def test_the_state_of_the_filter_follows_from_the_weights_that_were_written(events: list[Event], switch: Event) -> None:
+    before = events[: events.index(switch)]
+    written = {action: list(changes(before, action)) for action in ACTIONS}
+    weights = {each["name"]: each for each in switch.details["weights"]}
+
+    def lead(instant_s: float) -> float:
+        return smoothed(written["start"], instant_s) - smoothed(written["pick"], instant_s)
+
+    for action in ACTIONS:
+        assert weights[action]["smoothed"] == pytest.approx(smoothed(written[action], switch.instant_s), abs=1e-9)
+    since_s = weights["start"]["leads_since_s"]
+    assert lead(since_s) == pytest.approx(LEAD, abs=1e-6)
+    assert all(lead(since_s + share * HOLD_S) >= LEAD - 1e-6 for share in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0))
+    assert switch.instant_s == pytest.approx(since_s + HOLD_S, abs=1e-5)
+    earlier = [each for each in before if (each.name, each.what) == ("course", "chosen")]
+    assert switch.details["since_s"] == earlier[-1].instant_s
+    assert switch.details["dwell_until_s"] == earlier[-1].instant_s + DWELL_S
+
+
+def test_what_would_have_kept_the_pick_up_would_have_and_a_little_less_would_not(
+    events: list[Event], switch: Event
+) -> None:
+    after = events[events.index(switch) :]
+    explained = next(each for each in after if (each.name, each.what) == ("course", "explained"))
+    (change,) = [each for each in explained.details["kept_by"] if each["kind"] == "input"]
+    power = worked_out(switch)["power_autonomy"]  # which a person's distance does not change
+
+    def start_leads_by(distance: float) -> float:
+        known: dict[str, object] = {**readings(switch), change["name"]: distance, "power_autonomy": power}
+        for name in ("safety", "mission_completion"):
+            known[name] = inferred(rules_about(switch, name), known)
+        start, pick = (inferred(rules_about(switch, action), known) for action in ("start", "pick"))
+        return start - pick
+
+    kept = json.loads(change["other"])
+    assert change["name"] == "person_distance"
+    assert start_leads_by(kept + 1e-3) < LEAD < start_leads_by(kept - 1e-3)

@@ -1,0 +1,232 @@
+"""P2's situations as whole runs of specs/store.yaml: its loops and trees on its agents, told by the journal."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+
+import pytest
+
+from codra_dsl.runtime.journal import Event, Kind
+from codra_papers.experiments.store.curves import curves, draw_adaptation
+from codra_papers.experiments.store.run import Compiled, StoreRun, StoreRunSettings, run_store
+from codra_papers.store.simulator.situations import Situation, StoreSettings
+from generated import store
+from tests.cli.test_commands import ROOT, codra
+from tests.runtime.journal.journals import read
+
+LASTS_S = {
+    Situation.ORDINARY: 150.0,
+    Situation.SECOND_ORDER: 262.0,
+    Situation.PEOPLE_CLOSE: 45.0,
+    Situation.HIDDEN: 70.0,
+    Situation.ABSENT: 88.0,
+}
+"""Long enough for what each situation is about, with the seeds that are asked for."""
+
+TASKS = ("navigating", "detecting", "rotating", "checking", "lifting", "lowering", "fetching")
+
+
+class Told:
+    """A run and its journal."""
+
+    def __init__(self, situation: Situation, seed: int, lasts_s: float) -> None:
+        self.journal = Path(mkdtemp(prefix="codra-")) / "run.mcap"
+        settings = StoreRunSettings(
+            shop=StoreSettings(seed=seed, situation=situation), duration_s=lasts_s, journal=self.journal
+        )
+        self.run: StoreRun = run_store(Compiled.of(store), settings)
+        self.events: list[Event] = list(read(self.journal)[1])
+
+    def courses(self) -> list[str]:
+        return [each.details["action"] for each in self.events if (each.name, each.what) == ("course", "chosen")]
+
+    def tasks(self) -> list[str]:
+        """How tasks ended, in order."""
+        ends = [each for each in self.events if each.name in TASKS and each.what in ("finished", "aborted")]
+        return [f"{each.name} {each.details.get('result') or each.what}" for each in ends]
+
+    def written(self, name: str) -> list[object]:
+        return [each.details.get("value") for each in self.events if (each.name, each.what) == (name, "written")]
+
+    def said(self, variable: str) -> list[object]:
+        """What a context-variable was, one after the other."""
+        of_it = [each for each in self.events if each.kind is Kind.VARIABLE and each.name == variable]
+        return [each.details["value"] for each in of_it if "value" in each.details]
+
+    def instant_s(self, name: str, what: str, **details: object) -> float:
+        """When something happened for the first time."""
+        return next(
+            each.instant_s
+            for each in self.events
+            if (each.name, each.what) == (name, what) and details.items() <= each.details.items()
+        )
+
+
+SEEDS = {
+    Situation.ORDINARY: 4,
+    Situation.SECOND_ORDER: 7,
+    Situation.PEOPLE_CLOSE: 7,
+    Situation.HIDDEN: 6,
+    Situation.ABSENT: 3,
+}
+"""Where one seed is enough."""
+
+
+@cache
+def told_by(situation: Situation, seed: int) -> Told:
+    return Told(situation, seed, LASTS_S[situation])
+
+
+def told(situation: Situation) -> Told:
+    return told_by(situation, SEEDS[situation])
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_an_ordinary_order_is_delivered(seed: int) -> None:
+    """With seed 3 somebody stands for a while where the robot is to turn."""
+    run = told_by(Situation.ORDINARY, seed)
+
+    assert run.written("order_1.state") == ["open", "done"]
+    assert run.run.score.deliveries == ("delivery",)
+    assert run.run.score.bumps == 0
+
+
+def test_a_container_that_is_full_is_brought_to_the_general_delivery_pose_instead() -> None:
+    """P2's first situation: provided, ordered elsewhere while it is loaded, and full on the way there."""
+    run = told(Situation.SECOND_ORDER)
+
+    assert run.written("order_1.state")[-1] == "done"
+    assert run.written("order_2.state")[-1] == "aborted"
+    assert run.run.score.deliveries == ("area_1", "delivery")
+    ordered_s = run.instant_s("order_2", "node_inserted")
+    full_s = run.instant_s("container_load", "identified", value="full")
+    fetched_s = [each.instant_s for each in run.events if each.details.get("result") == "fetched"]
+    assert ordered_s < fetched_s[1] < full_s < run.instant_s("course", "chosen", action="deliver") < full_s + 5.0
+
+
+@pytest.mark.parametrize("seed", [4, 7])
+def test_people_close_make_safety_fall_to_a_half_and_the_pick_up_is_aborted(seed: int) -> None:
+    """P2's second situation: `start` weighs most. The order stays open."""
+    run = told_by(Situation.PEOPLE_CLOSE, seed)
+    values = curves(run.events, ["safety", *(f"weight_of_{each}" for each in ("pick", "deliver", "start", "dock"))])
+    switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
+    then = {name: [value for at_s, value in curve if at_s < switched_s][-1] for name, curve in values.items()}
+
+    assert run.courses() == ["start", "pick", "start"]
+    assert abs(then.pop("safety") - 0.5) < 0.01
+    assert max(then, key=lambda name: then[name]) == "weight_of_start"
+    assert "fetching aborted" in run.tasks()
+    assert run.written("order_1.state") == ["open"]
+    assert "mission_aborted" in run.said("base_notice")
+
+
+def test_what_was_aborted_is_tried_again_from_the_start_and_delivered_once_the_people_have_gone() -> None:
+    run = Told(Situation.PEOPLE_CLOSE, 6, 293.0)
+    tasks = run.tasks()
+
+    assert run.written("order_1.state")[-1] == "done"
+    assert run.run.score.deliveries == ("delivery",)
+    assert tasks.count("fetching aborted") == tasks[: tasks.index("fetching fetched")].count("fetching aborted") > 0
+    assert run.courses()[:4] == ["start", "pick", "start", "pick"]
+
+
+@pytest.mark.parametrize("seed", [6, 8])
+def test_a_container_that_is_hidden_from_the_first_pose_is_fetched_from_the_second(seed: int) -> None:
+    tasks = told_by(Situation.HIDDEN, seed).tasks()
+
+    assert [each for each in tasks if each.startswith("detecting")] == [
+        *("detecting lost", "detecting found", "detecting found"),
+    ]
+    assert "fetching fetched" in tasks
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_of_a_container_that_is_nowhere_the_base_is_told_and_the_robot_returns(seed: int) -> None:
+    run = told_by(Situation.ABSENT, seed)
+
+    assert [each for each in run.tasks() if each.startswith(("detecting", "fetching"))] == [
+        *("detecting lost", "detecting lost", "fetching not_found"),
+    ]
+    assert run.said("base_notice")[-1] == "container_not_found"
+    assert run.written("order_1.state") == ["open", "failed"]
+    assert run.tasks()[-1] == "navigating arrived"
+    assert run.courses()[-1] == "start"
+
+
+@pytest.mark.parametrize("situation", LASTS_S)
+def test_the_same_seed_gives_the_same_journal_byte_for_byte(situation: Situation) -> None:
+    again = Told(situation, SEEDS[situation], LASTS_S[situation])
+
+    assert again.journal.read_bytes() == told(situation).journal.read_bytes()
+
+
+def test_the_command_gives_the_same_journal_as_the_program(tmp_path: Path) -> None:
+    journal = tmp_path / "run.mcap"
+    told_s = f"{LASTS_S[Situation.PEOPLE_CLOSE]:g}s"
+    words = (
+        "specs/store.yaml",
+        "--world",
+        "store",
+        "--situation",
+        "people-close",
+        "--seed",
+        str(SEEDS[Situation.PEOPLE_CLOSE]),
+        "--for",
+        told_s,
+    )
+    ended = codra("run", *words, "--journal", str(journal), cwd=ROOT)
+
+    assert "orders              1 open" in ended.stdout
+    assert journal.read_bytes() == told(Situation.PEOPLE_CLOSE).journal.read_bytes()
+
+
+def test_why_tells_the_chain_from_the_person_to_the_branch_and_what_would_have_kept_it() -> None:
+    """Each link has the place of its rule in the spec."""
+    journal = str(told(Situation.PEOPLE_CLOSE).journal)
+    why = codra("why", "course", "--journal", journal, cwd=ROOT).stdout
+
+    for link in (
+        "start was chosen at ",
+        " instead of pick: ",
+        "with a dwell time until ",
+        "metric safety: 0.5",
+        "person_distance is close and picking_up is true then safety is medium: activation 1  [specs/store.yaml:",
+        "if safety is medium and loaded is false then weight_of_start is high: activation 1  [specs/store.yaml:",
+        "weight of start: 0.814285, smoothed ",
+        "the branch pick ended (halted)",
+        "pick would have been kept by person_distance = ",
+    ):
+        assert link in why
+
+
+def test_why_of_a_metric_and_of_a_weight_tells_what_led_to_them() -> None:
+    run = told(Situation.PEOPLE_CLOSE)
+    switched_s = [each.instant_s for each in run.events if (each.name, each.what) == ("course", "chosen")][-1]
+    asked = ("--journal", str(run.journal), "--at", str(switched_s - 0.01))
+    of_metric, of_weight = (codra("why", name, *asked, cwd=ROOT).stdout for name in ("safety", "weight_of_start"))
+
+    for link in (
+        "safety has been 0.5 since ",
+        "person_distance is close and picking_up is true then safety is medium: activation 1  [specs/store.yaml:",
+        "person_distance was 1.",
+        "m evidence taken at ",
+        "(close 1)",
+        "picking_up was true",
+    ):
+        assert link in of_metric
+        assert link in of_weight
+    assert "weight_of_start has been 0.814285 since " in of_weight
+    assert "if safety is medium and loaded is false then weight_of_start is high: activation 1" in of_weight
+    assert "safety was 0.5, from evidence taken at " in of_weight
+
+
+def test_metrics_and_weights_are_drawn_over_time(tmp_path: Path) -> None:
+    draw_adaptation(
+        tmp_path / "curves.svg", told(Situation.PEOPLE_CLOSE).events, ["safety"], ["weight_of_pick", "weight_of_start"]
+    )
+    picture = (tmp_path / "curves.svg").read_text("utf-8")
+
+    assert picture.startswith("<?xml")
+    assert picture.count("<!-- start -->") >= 2  # where it was chosen, and in the legend

@@ -1,0 +1,92 @@
+"""What is declared while somebody follows it: by agents that something wakes, begun and ended from any thread."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from codra_dsl.compiler import compile_paths
+from codra_dsl.integrations.inspection.loading import load_emitted
+from codra_dsl.runtime import Journal, SimClock
+from codra_dsl.runtime.context.shared_acquisition import SharedAcquisition
+from codra_dsl.runtime.replay import replay
+from tests.runtime.journal.journals import read
+
+DOOR = """\
+codra: 1
+name: door
+context:
+  door_open: {type: bool, valid_for: 10 s}
+  lit: {type: bool, source: main_execution}
+knowledge:
+  types: {thing: {}}
+  nodes: {door: thing}
+agents:
+  speaker: {wakes: door_open == true}
+perception:
+  look:
+    call: tests.runtime.context.test_shared_acquisition:look
+    returns: {angle: {type: float, range: [0, 2]}}
+    identifies: {door_open: angle > 0.5}
+skills:
+  leave: {preview: [lit]}
+"""
+
+
+def look(**_: object) -> dict[str, float]:
+    return {"angle": 1.0}
+
+
+@pytest.fixture
+def door(tmp_path: Path) -> Any:
+    """The package of a spec in which an agent is woken by what only an observer identifies, and no skill needs it."""
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "door.yaml").write_text(DOOR)
+    compiled = compile_paths([tmp_path / "door.yaml"], tmp_path)
+    assert compiled.planned.diagnostics == ()
+    return load_emitted(compiled.files, "door", tmp_path / "made")
+
+
+def test_an_agent_is_woken_by_what_only_observers_identify_until_it_wants_no_more(door: Any, tmp_path: Path) -> None:
+    clock, told = SimClock(), list[float]()
+    with door.start(clock=clock, resources={}, record=Journal(tmp_path / "run.mcap")) as codra:
+        speaker = codra.agent("speaker")
+        assert codra.declared() == frozenset()
+        waking = speaker.on_wake(lambda _: told.append(clock.now_s()))
+        again = speaker.on_wake(lambda _: None)
+        clock.sleep(3.0)
+        assert (len(told), codra.declared()) == (1, {"door_open"})
+        assert codra.commands.declarations.of("agent speaker") == ("door_open",)
+        waking.unsubscribe()
+        waking.unsubscribe()
+        assert codra.declared() == {"door_open"}
+        again.unsubscribe()
+        assert (codra.declared(), codra.running()) == (frozenset(), frozenset())
+    head, events = read(tmp_path / "run.mcap")
+    assert replay(head, events, door.MODEL, door.Door, None, knowledge=door.KNOWLEDGE).difference is None
+
+
+def test_an_agent_whose_handle_is_closed_declares_nothing_more_also_after_the_context(door: Any) -> None:
+    with door.start(clock=SimClock(), resources={}) as codra:
+        with codra.agent("speaker").graph as graph:
+            del graph
+        speaker = codra.agent("speaker")
+        speaker.on_wake(lambda _: None)
+        speaker.graph.close()
+        assert codra.declared() == frozenset()
+        late = codra.agent("speaker")
+        late.on_wake(lambda _: None)
+    late.close()
+    assert codra.declared() == frozenset()
+
+
+@pytest.mark.parametrize("order", sorted(set(itertools.permutations("bbee"))))
+def test_in_whatever_order_beginnings_and_ends_come_nothing_stays_taken(order: tuple[str, ...]) -> None:
+    taken: list[bool] = []
+    following = SharedAcquisition(lambda: taken.append(True), lambda: taken.append(False))
+    for each in order:
+        (following.begin if each == "b" else following.end)()
+    assert taken == [True, False] * (len(taken) // 2)

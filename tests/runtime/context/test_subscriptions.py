@@ -1,0 +1,288 @@
+"""Callbacks that are told of changes, and waiting for them: in simulated and in real time."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from codra_dsl.logic import age, known, value
+from codra_dsl.runtime import Reading, Reason, SimClock, UnknownNameError, WallClock
+from codra_dsl.runtime.callbacks import MOST_WAITING
+from codra_dsl.runtime.values.model import integer
+from tests.runtime.forests import Manager, World, forest, given, observer, seen, started, takes, variable
+
+PATIENCE_S = 20.0
+MODEL = forest([given("a", valid_for_s=10.0), given("n", type=integer())])
+
+
+@contextmanager
+def in_real_time() -> Iterator[Manager]:
+    with WallClock(0.0) as clock, started(MODEL, World(), clock) as manager:
+        yield manager
+
+
+def said(reading: Reading[object]) -> object:
+    return reading.value if reading.known else reading.reason
+
+
+# Simulated time
+
+
+def test_a_subscriber_is_told_what_is_and_then_each_change_at_its_instant() -> None:
+    clock, heard = SimClock(), []
+    with started(MODEL, World(), clock) as manager:
+        manager.subscribe("a", lambda reading: heard.append((clock.now_s(), said(reading))))
+        clock.sleep(1.0)
+        manager.set("a", True)
+        clock.sleep(1.0)
+        manager.set("a", True)
+        clock.sleep(1.0)
+        manager.set("a", False)
+        clock.sleep(50.0)
+    assert heard == [(0.0, Reason.NEVER_OBSERVED), (1.0, True), (3.0, False), (13.0, Reason.STALE)]
+
+
+def test_of_several_variables_changes_are_told_in_their_order() -> None:
+    clock, heard = SimClock(), []
+    with started(MODEL, World(), clock) as manager:
+        manager.subscribe(["n", "a"], lambda reading: heard.append((reading.name, said(reading))))
+        clock.sleep(1.0)
+        for number in range(3):
+            manager.set("n", number)
+            manager.set("a", number % 2 == 0)
+        clock.sleep(0.0)
+    assert heard[2:] == [("n", 0), ("a", True), ("n", 1), ("a", False), ("n", 2), ("a", True)]
+
+
+def test_changes_that_observers_bring_are_told() -> None:
+    clock, heard = SimClock(), []
+    model = forest([variable("a")], observer("o", seen("look", "a")))
+    with started(model, World({"look": takes(0.5, {"seen": True})}), clock) as manager:
+        manager.subscribe("a", lambda reading: heard.append((clock.now_s(), said(reading))))
+        manager.declare("a")
+        clock.sleep(5.0)
+    assert heard == [(0.0, Reason.NEVER_OBSERVED), (0.5, True)]
+
+
+def test_subscribing_declares_nothing() -> None:
+    model = forest([variable("a")], observer("o", seen("look", "a")))
+    with started(model, World()) as manager:
+        manager.subscribe("a", lambda _: None)
+        assert (manager.declared(), manager.running()) == (frozenset(), frozenset())
+
+
+def test_older_evidence_that_changes_nothing_now_is_not_told() -> None:
+    clock, heard = SimClock(100.0), []
+    with started(MODEL, World(), clock) as manager:
+        manager.set("n", 1)
+        manager.subscribe("n", lambda reading: heard.append(said(reading)))
+        manager.set("n", 2, evidence_s=50.0)
+        clock.sleep(1.0)
+    assert heard == [1]
+
+
+def test_who_has_unsubscribed_is_told_nothing_more_not_even_what_waits() -> None:
+    clock, heard = SimClock(), list[object]()
+    with started(MODEL, World(), clock) as manager:
+        subscription = manager.subscribe("n", lambda reading: heard.append(said(reading)))
+        clock.sleep(0.0)
+        manager.set("n", 1)
+        subscription.unsubscribe()
+        subscription.unsubscribe()
+        manager.set("n", 2)
+        clock.sleep(1.0)
+        with manager.subscribe("n", lambda reading: heard.append(said(reading))):
+            clock.sleep(0.0)
+        manager.set("n", 3)
+        clock.sleep(1.0)
+    assert heard == [Reason.NEVER_OBSERVED, 2]
+
+
+def test_a_callback_may_end_its_own_subscription_and_write() -> None:
+    clock, heard = SimClock(), list[object]()
+    with started(MODEL, World(), clock) as manager:
+
+        def once(reading: Reading[object]) -> None:
+            heard.append(said(reading))
+            manager.set("n", 7)
+            subscription.unsubscribe()
+
+        subscription = manager.subscribe("n", once)
+        clock.sleep(1.0)
+        assert (heard, manager.get("n").value) == ([Reason.NEVER_OBSERVED], 7)
+
+
+def test_a_callback_that_raises_is_logged_and_told_the_next_change(caplog: pytest.LogCaptureFixture) -> None:
+    clock, heard = SimClock(), list[object]()
+
+    def raises(reading: Reading[object]) -> None:
+        heard.append(said(reading))
+        raise ValueError("no thanks")
+
+    with started(MODEL, World(), clock) as manager, caplog.at_level(logging.ERROR):
+        manager.subscribe("n", raises)
+        manager.set("n", 1)
+        clock.sleep(1.0)
+        manager.set("n", 2)
+        clock.sleep(1.0)
+    assert heard == [Reason.NEVER_OBSERVED, 1, 2]
+    assert [str(record.exc_info[1]) for record in caplog.records if record.exc_info] == ["no thanks"] * 3
+
+
+def test_a_callback_must_not_let_simulated_time_pass(caplog: pytest.LogCaptureFixture) -> None:
+    clock = SimClock()
+    with started(MODEL, World(), clock) as manager:
+        manager.subscribe("n", lambda _: clock.sleep(1.0))
+        clock.sleep(0.0)
+    assert "must not wait on the clock" in caplog.text
+
+
+def test_a_name_that_the_spec_lacks_cannot_be_subscribed_to() -> None:
+    with started(MODEL, World()) as manager, pytest.raises(UnknownNameError):
+        manager.subscribe(["n", "m"], lambda _: None)
+
+
+# Real time
+
+
+def test_a_callback_runs_in_a_thread_without_any_lock_and_in_order() -> None:
+    heard, done = list[object](), threading.Event()
+    with in_real_time() as manager:
+
+        def slowly(reading: Reading[object]) -> None:
+            other = threading.Thread(target=lambda: manager.set("a", True))
+            other.start()
+            other.join(PATIENCE_S)
+            assert not other.is_alive()
+            heard.append(said(reading))
+            if reading.content == 9:
+                done.set()
+
+        manager.subscribe("n", slowly)
+        for number in range(10):
+            manager.set("n", number)
+        assert done.wait(PATIENCE_S)
+    assert heard == [Reason.NEVER_OBSERVED, *range(10)]
+
+
+def test_a_callback_that_hangs_holds_up_neither_writers_nor_other_callbacks() -> None:
+    release, heard = threading.Event(), threading.Event()
+    with in_real_time() as manager:
+        slow = manager.subscribe("n", lambda _: release.wait(PATIENCE_S))
+        manager.subscribe("n", lambda reading: heard.set() if reading.content == 2 * MOST_WAITING else None)
+        for number in range(2 * MOST_WAITING + 1):
+            manager.set("n", number)
+        assert heard.wait(PATIENCE_S)
+        assert slow.dropped >= MOST_WAITING
+        release.set()
+
+
+def test_what_is_told_after_too_much_is_the_newest() -> None:
+    release, done, heard = threading.Event(), threading.Event(), list[object]()
+    last = 2 * MOST_WAITING
+
+    def slowly(reading: Reading[object]) -> None:
+        release.wait(PATIENCE_S)
+        heard.append(reading.content)
+        if reading.content == last:
+            done.set()
+
+    with in_real_time() as manager:
+        subscription = manager.subscribe("n", slowly)
+        for number in range(last + 1):
+            manager.set("n", number)
+        release.set()
+        assert done.wait(PATIENCE_S)
+    assert len(heard) + subscription.dropped == last + 2
+    assert heard[-MOST_WAITING:] == list(range(last + 1 - MOST_WAITING, last + 1))
+
+
+def test_a_callback_that_wants_to_end_its_thread_is_told_the_next_change() -> None:
+    done = threading.Event()
+
+    def leaves(reading: Reading[object]) -> None:
+        if reading.content == 1:
+            done.set()
+        raise SystemExit
+
+    with in_real_time() as manager:
+        manager.subscribe("n", leaves)
+        manager.set("n", 1)
+        assert done.wait(PATIENCE_S)
+
+
+# Waiting
+
+
+def test_waiting_for_a_variable_ends_when_it_is_known() -> None:
+    clock = SimClock()
+    model = forest([variable("a")], observer("o", seen("look", "a")))
+    with started(model, World({"look": takes(1.5, {"seen": False})}), clock) as manager:
+        manager.declare("a")
+        assert manager.wait_for("a", 10.0) is True
+        assert (clock.now_s(), manager.wait_for("a", 0.0)) == (1.5, True)
+
+
+def test_waiting_for_a_condition_ends_when_it_holds_or_in_vain() -> None:
+    clock, world = SimClock(), World({"look": lambda job: {"seen": job.now_s() >= 3.0}})
+    model = forest([variable("a"), given("b")], observer("o", seen("look", "a")))
+    with started(model, world, clock) as manager:
+        manager.declare("a")
+        assert manager.wait_for(value("a") & ~known("b"), 10.0) is True
+        assert clock.now_s() == 3.0
+        assert manager.wait_for(~value("a"), 4.5) is False
+        assert clock.now_s() == 7.5
+
+
+def test_waiting_for_an_age_ends_though_nothing_else_happens() -> None:
+    clock = SimClock()
+    with started(MODEL, World(), clock) as manager:
+        manager.set("n", 1)
+        assert manager.wait_for(age("n") > 5.0, 60.0) is True
+        assert 5.0 < clock.now_s() < 5.1
+    with in_real_time() as manager:
+        manager.set("n", 1)
+        assert manager.wait_for(age("n") > 0.2, PATIENCE_S) is True
+
+
+def test_waiting_for_an_age_ends_though_the_variable_is_known_only_meanwhile() -> None:
+    clock = SimClock()
+    with started(MODEL, World(), clock) as manager:
+        clock.call_at(5.0, lambda: manager.set("a", True))
+        assert manager.wait_for(age("a") > 4.0, 60.0) is True
+        assert 9.0 < clock.now_s() < 9.1
+
+
+def test_waiting_for_what_the_spec_lacks_is_an_error() -> None:
+    with started(MODEL, World()) as manager:
+        for condition in ("m", value("n") > known("m")):
+            with pytest.raises(UnknownNameError, match="no variable 'm'"):
+                manager.wait_for(condition, 1.0)
+
+
+def test_another_thread_ends_the_waiting() -> None:
+    with in_real_time() as manager:
+        threading.Timer(0.05, lambda: manager.set("n", 5)).start()
+        assert manager.wait_for(value("n") > 4, PATIENCE_S) is True
+
+
+def test_waiting_ends_when_the_clock_is_closed() -> None:
+    for condition in (value("n") > 4, age("n") > PATIENCE_S):
+        clock = WallClock(0.0)
+        with started(MODEL, World(), clock) as manager:
+            manager.set("n", 1)
+            threading.Timer(0.05, clock.close).start()
+            assert manager.wait_for(condition, 10 * PATIENCE_S) is False
+
+
+def test_waiting_for_less_than_no_time_asks_once() -> None:
+    with started(MODEL, World()) as manager:
+        manager.set("n", 1)
+        assert manager.wait_for("n", -1.0) is True
+        assert manager.wait_for("a", -1.0) is False
+        with pytest.raises(ValueError, match="a duration is zero or more"):
+            manager.wait_for("a", float("nan"))

@@ -1,0 +1,94 @@
+"""The latest events of a file at any instant, read from the file on demand."""
+
+from __future__ import annotations
+
+import math
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given as drawn
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from codra_dsl.runtime import ContextManager, Journal, SimClock
+from codra_dsl.runtime.journal import Event, Kind
+from codra_dsl.runtime.journal.checkpoints import Checkpoints
+from codra_dsl.runtime.journal.latest_events import LatestEvents
+from codra_dsl.runtime.journal.reader import JournalReader
+from codra_dsl.runtime.why import explain
+from tests.runtime.door import MODEL, Door
+from tests.runtime.journal.journals import read, run_door
+
+NAMES = ("present", "known", "basis", "observers", "started", "ended", "declared", "later")
+
+
+@pytest.fixture(scope="module")
+def long_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("past") / "run.mcap"
+    run_door(path, loops=120)
+    return path
+
+
+@pytest.fixture(scope="module")
+def events(long_run: Path) -> list[Event]:
+    return read(long_run)[1]
+
+
+def contents(latest_events: LatestEvents) -> dict[str, object]:
+    return {name: getattr(latest_events, name) for name in NAMES}
+
+
+@drawn(share=st.floats(0.0, 1.0), torn_bytes=st.sampled_from([0, 1, 5000, 100_000]))
+@settings(max_examples=40, deadline=None)
+def test_the_latest_events_at_any_instant_equal_those_of_all_events_until_then(
+    long_run: Path, events: list[Event], share: float, torn_bytes: int
+) -> None:
+    path = long_run
+    if torn_bytes:
+        path = long_run.with_name("torn.mcap")
+        path.write_bytes(long_run.read_bytes()[:-torn_bytes])
+        events = read(path)[1]
+    at_s = share * events[-1].instant_s
+    needed = [event for event in events if event.kind not in (Kind.INPUT, Kind.DECISION)]
+    with JournalReader(path) as reader, JournalReader(path) as other:
+        for past in (Checkpoints(reader, at_s), Checkpoints(other)):
+            before_close = at_s if at_s < events[-1].instant_s else math.nextafter(at_s, 0.0)
+            assert contents(past.latest_events(before_close)) == contents(LatestEvents.of(needed, before_close))
+
+
+def test_without_an_instant_it_ends_before_the_observers_stopped(tmp_path: Path) -> None:
+    clock, journal = SimClock(), Journal(tmp_path / "run.mcap")
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=journal) as manager:
+        manager.declare("near")
+        clock.sleep(2.5)
+    with JournalReader(journal.path) as reader:
+        past = Checkpoints(reader)
+        assert past.end_s == 2.5
+        assert [event.what for event in past.latest_events(math.inf).observers.values()] == ["started"]
+    with JournalReader(journal.path) as reader:
+        assert [event.what for event in Checkpoints(reader, 2.5).latest_events(2.5).observers.values()] == ["stopped"]
+
+
+def test_explanations_from_a_file_equal_those_from_all_its_events(long_run: Path, events: list[Event]) -> None:
+    with JournalReader(long_run) as reader:
+        summary, past = reader.header().summary, Checkpoints(reader)
+        for at_s in (0.0, 33.3, 250.5, 471.0, 800.8):
+            text = str(explain(summary, past.latest_events, "open", at_s))
+            assert text == str(explain(summary, lambda until_s: LatestEvents.of(events, until_s), "open", at_s))
+
+
+def test_a_long_file_is_not_held_in_memory(long_run: Path) -> None:
+    def peak(read_it: Callable[[], object]) -> int:
+        tracemalloc.start()
+        read_it()
+        peak_bytes = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak_bytes
+
+    def ask() -> None:
+        with JournalReader(long_run) as reader:
+            Checkpoints(reader).latest_events(100.0)
+
+    assert 8 * peak(ask) < peak(lambda: read(long_run))

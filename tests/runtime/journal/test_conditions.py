@@ -1,0 +1,127 @@
+"""Conditions in a journal: texts from which they are built without running code, and readable texts."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.logic import Term, age, choose, first_of, known, literal, maximum, value
+from codra_dsl.runtime.values.condition_text import TermTextError, spoken, term_of
+from codra_dsl.runtime.values.conditions import between, confirmed
+from tests.test_logic import TERMS
+
+
+@given(TERMS)
+def test_the_text_of_a_condition_builds_it_again(term: Term) -> None:
+    assert repr(term_of(repr(term))) == repr(term)
+
+
+@given(TERMS)
+def test_every_condition_has_a_readable_text(term: Term) -> None:
+    assert spoken(repr(term))
+
+
+@given(st.text(max_size=60))
+def test_any_other_text_is_refused(text: str) -> None:
+    try:
+        term = term_of(text)
+    except TermTextError:
+        return
+    assert isinstance(term, Term)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')",
+        "open('/etc/passwd')",
+        "value('a').__class__",
+        "value('a').evaluate(1)",
+        "(lambda: value('a'))()",
+        "value(name='a')",
+        "value(*'a')",
+        "[value('a')]",
+        "value('a') if True else value('b')",
+        "value('a') < value('b') < value('c')",
+        "value(b'a')",
+        "~True",
+        "3",
+        "'a'",
+        "",
+        "value(",
+        "value('a')\nvalue('b')",
+        "(" * 500 + ")" * 500,
+        "~" * 100_000 + "value('a')",
+        "\0",
+    ],
+)
+def test_a_text_that_is_not_a_condition_is_refused_and_not_run(text: str) -> None:
+    with pytest.raises(TermTextError):
+        term_of(text)
+
+
+@pytest.mark.parametrize(
+    ("term", "text"),
+    [
+        (value("lid_angle") > 0.6, "lid_angle > 0.6"),
+        (value("a") & (value("b") >= 2) & ~value("c"), "a and b >= 2 and not c"),
+        ((value("a") | value("b")) & value("c"), "(a or b) and c"),
+        (~known("a") | (age("a") > 10.0), "not known(a) or age(a) > 10.0"),
+        (~(value("a") & value("b")), "not (a and b)"),
+        (value("a").is_in("idle", "done"), "a in ('idle', 'done')"),
+        (abs(value("a") - 3.0) < 0.2, "abs(a - 3.0) < 0.2"),
+        (-value("a") == 1, "-a == 1"),
+        (maximum(value("a"), 2) > literal(True), "max(a, literal) > true"),
+        (choose(value("a"), value("b"), value("c")), "a if b else c"),
+        (first_of(("near", value("d") < 1.0), ("far", literal(True))), "'near': d < 1.0, 'far': true"),
+        (between(value("a") > 2, value("a") < 1), "enter: a > 2, leave: a < 1"),
+        (confirmed(value("a") > 2, 2, 3), "a > 2, confirm: 2 of 3"),
+    ],
+)
+def test_a_condition_reads_as_in_a_spec(term: Term, text: str) -> None:
+    assert spoken(repr(term)) == text.replace("literal", "2")
+
+
+class Cycle:
+    """An object that only the garbage collector frees, which then runs Python code at an arbitrary point."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+    def __del__(self) -> None:
+        for _ in range(20):
+            pass
+
+
+@pytest.fixture
+def threads_that_change_places_all_the_time() -> Iterator[None]:
+    interval_s, thresholds = sys.getswitchinterval(), gc.get_threshold()
+    sys.setswitchinterval(1e-6)
+    gc.set_threshold(40)
+    yield
+    sys.setswitchinterval(interval_s)
+    gc.set_threshold(*thresholds)
+
+
+@pytest.mark.usefixtures("threads_that_change_places_all_the_time")
+def test_threads_read_conditions_at_once() -> None:
+    def texts_of(thread: int) -> list[str]:
+        texts = []
+        for number in range(60):
+            _ = [Cycle() for _ in range(30)]
+            texts.append(spoken(" & ".join(f"(value('v{thread}_{number}') > {limit}.5)" for limit in range(30))))
+        return texts
+
+    with ThreadPoolExecutor(6) as threads:
+        read = [text for texts in threads.map(texts_of, range(6)) for text in texts]
+    assert read == [
+        " and ".join(f"v{thread}_{number} > {limit}.5" for limit in range(30))
+        for thread in range(6)
+        for number in range(60)
+    ]

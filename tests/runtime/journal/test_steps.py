@@ -1,0 +1,111 @@
+"""Steps: time does not pass within a step, and all its events have the same instant."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from codra_dsl.logic import value
+from codra_dsl.runtime import SimClock, WallClock
+from codra_dsl.runtime.clock import PUNCTUAL_S, LockedClock
+from tests.runtime.forests import World, forest, given, observer, seen, started, variable
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def wall() -> Iterator[WallClock]:
+    with WallClock() as clock:
+        yield clock
+
+
+def test_time_does_not_pass_within_a_step_but_does_for_other_threads(wall: WallClock) -> None:
+    clock = LockedClock(wall, threading.RLock())
+    seen_by_others: list[float] = []
+    with clock:
+        first = clock.now_s()
+        thread = threading.Thread(target=lambda: seen_by_others.append(clock.now_s()))
+        wall.sleep(0.01)
+        thread.start()
+        thread.join(PATIENCE_S)
+        with clock:
+            assert clock.now_s() == first
+        assert clock.now_s() == first
+    assert seen_by_others[0] > first
+    assert clock.now_s() > first
+
+
+def test_instants_of_steps_never_decrease(wall: WallClock) -> None:
+    clock, instants = LockedClock(wall, threading.RLock()), list[float]()
+
+    def note() -> None:
+        instants.append(clock.now_s())
+        clock.notify()
+
+    def body() -> None:
+        for _ in range(200):
+            with clock:
+                note()
+                clock.call_at(clock.now_s() + 0.001, note)
+
+    threads = [threading.Thread(target=body) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert clock.wait_until(lambda: len(instants) == 1600, PATIENCE_S)
+    assert instants == sorted(instants)
+    assert clock.steps == 800
+
+
+def test_an_event_on_time_happens_at_its_time_and_a_late_one_when_it_happens(wall: WallClock) -> None:
+    clock, events = LockedClock(wall, threading.RLock()), list[tuple[str, float]]()
+    late: list[float] = []
+    clock.is_late = lambda: late.append(clock.now_s())
+
+    def note(name: str) -> None:
+        events.append((name, clock.now_s()))
+        clock.notify()
+
+    start_s = wall.now_s()
+    with clock:
+        clock.call_at(start_s + 0.2, lambda: note("punctual"))
+    assert clock.wait_until(lambda: len(events) == 1, PATIENCE_S)
+    held = threading.Event()
+    wall.call_at(wall.now_s(), lambda: held.wait(PATIENCE_S))  # no other event happens meanwhile
+    with clock:
+        due_s = clock.now_s() + 0.01
+        clock.call_at(due_s, lambda: note("late"))
+    wall.sleep(0.1)
+    held.set()
+    assert clock.wait_until(lambda: len(events) == 2, PATIENCE_S)
+
+    assert events[1][1] > due_s + PUNCTUAL_S
+    assert late[-1] == events[1][1]
+    assert events[0][1] == start_s + 0.2 or late[0] == events[0][1]
+
+
+def test_events_of_one_instant_happen_in_the_order_in_which_they_were_scheduled() -> None:
+    sim = SimClock()
+    clock, names = LockedClock(sim, threading.RLock()), list[str]()
+    for name, instant_s in (("b", 2.0), ("past", -1.0), ("a", 1.0), ("b again", 2.0)):
+        clock.call_at(instant_s, lambda name=name: names.append(name))  # type: ignore[misc]
+    clock.call_at(1.5, lambda: names.append("never")).cancel()
+    sim.sleep(3.0)
+
+    assert (names, clock.steps) == (["past", "a", "b", "b again"], 5)
+
+
+def test_all_consequences_of_a_call_have_its_instant(wall: WallClock) -> None:
+    model = forest([given("near"), variable("a")], observer("o", seen("eye", "a", when=[value("near")])))
+    with started(model, World({"eye": {"seen": True}}), wall) as manager:
+        manager.declare("near", True)
+        manager.declare("a", False)
+        instants: dict[str, set[float]] = {}
+        for event in tuple(manager.record)[:4]:
+            instants.setdefault(event.name, set()).add(event.instant_s)
+
+        assert {name: len(instants_s) for name, instants_s in instants.items()} == {"near": 1, "a": 1, "o": 1}
+        assert instants["a"] == instants["o"]

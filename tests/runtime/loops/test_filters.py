@@ -1,0 +1,233 @@
+"""The temporal filter: what may switch a course, and when."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.runtime.loops.declarations import CourseModel
+from codra_dsl.runtime.loops.filters import FilterState, SwitchReason, leads, step, threshold
+
+ACTIONS = ("pick", "start", "dock")
+CAUSES = {SwitchReason.WORSE, SwitchReason.HARD_RULE, SwitchReason.NOTHING_KNOWN}
+
+
+def course(**settings: float) -> CourseModel:
+    """Return a course with some settings of its filter."""
+    return CourseModel(name="course", choose=ACTIONS, otherwise="start", **settings)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What is said at an instant: weights, what is urgent, what a hard rule wants."""
+
+    instant_s: float
+    weights: dict[str, float | None]
+    urgent: tuple[str, ...] = ()
+    forced: str = ""
+
+
+@dataclass(frozen=True)
+class Switch:
+    """That the course became another one."""
+
+    instant_s: float
+    action: str
+    because: SwitchReason
+
+
+def play(model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...] = ()) -> list[Switch]:
+    """Ask the filter at each moment, at extra instants, and whenever it wants to be asked."""
+    switches: list[Switch] = []
+    state, due_s = FilterState(), math.inf
+    for moment, after in itertools.pairwise([*moments, Moment(moments[-1].instant_s + 100.0, {})]):
+        between = [each for each in extra_s if moment.instant_s < each < after.instant_s]
+        asked_s = moment.instant_s
+        while asked_s < after.instant_s:
+            chosen = step(model, state, asked_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+            if chosen.because is not None:
+                switches.append(Switch(asked_s, chosen.state.action, chosen.because))
+            state, due_s = chosen.state, chosen.due_s
+            assert due_s > asked_s
+            between = [each for each in between if each > asked_s]
+            asked_s = min(due_s, *between, after.instant_s)
+    return switches
+
+
+def changes(*weights: tuple[float, float, float], every_s: float = 1.0) -> list[Moment]:
+    """Return moments at a regular pace."""
+    return [Moment(index * every_s, dict(zip(ACTIONS, each, strict=True))) for index, each in enumerate(weights)]
+
+
+degrees = st.one_of(st.none(), st.sampled_from([0.0, 0.25, 0.5, 0.75, 1.0]), st.floats(0.0, 1.0, allow_subnormal=False))
+settings = st.fixed_dictionaries(
+    {
+        "smooth_s": st.sampled_from([0.0, 0.3, 1.0, 5.0]),
+        "lead": st.sampled_from([0.0, 0.1, 0.3]),
+        "hold_s": st.sampled_from([0.0, 0.5, 2.0]),
+        "dwell_s": st.sampled_from([0.0, 1.0, 5.0]),
+        "cooldown_s": st.sampled_from([0.0, 3.0]),
+    }
+).map(lambda chosen: course(**chosen))
+
+
+@st.composite
+def stories(draw: st.DrawFn, *, calm: bool = False) -> list[Moment]:
+    """Draw what is said over some time; a calm story has no hard rules and nothing urgent."""
+    gaps = draw(st.lists(st.sampled_from([0.05, 0.3, 1.0, 2.5, 7.0]), min_size=1, max_size=12))
+    moments, instant_s = [], 0.0
+    for gap_s in gaps:
+        instant_s += gap_s
+        weights = {action: draw(degrees) for action in ACTIONS}
+        urgent = () if calm else tuple(draw(st.sets(st.sampled_from(ACTIONS), max_size=1)))
+        forced = "" if calm else draw(st.sampled_from(["", "", "", *ACTIONS]))
+        moments.append(Moment(instant_s, weights, urgent, forced))
+    return moments
+
+
+@given(settings, stories())
+def test_nothing_switches_within_the_dwell_but_what_may(model: CourseModel, moments: list[Moment]) -> None:
+    switches = play(model, moments)
+    for before, after in itertools.pairwise(switches):
+        is_soon = after.instant_s - before.instant_s < model.dwell_s - 1e-6
+        is_makeshift = before is switches[0] and before.because is SwitchReason.NOTHING_KNOWN
+        assert not is_soon or is_makeshift or after.because in CAUSES
+
+
+@given(settings, stories(calm=True))
+def test_an_action_that_was_left_stays_away_for_its_cooldown(model: CourseModel, moments: list[Moment]) -> None:
+    left_s: dict[str, float] = {}
+    for before, after in itertools.pairwise(play(model, moments)):
+        left_s[before.action] = after.instant_s
+        if after.because is SwitchReason.LEADS:
+            assert after.instant_s - left_s.get(after.action, -math.inf) >= model.cooldown_s - 1e-6
+
+
+@given(settings, stories())
+def test_a_lead_persists_for_the_hold_before_it_counts(model: CourseModel, moments: list[Moment]) -> None:
+    """The smoothed weights are worked out again here, densely, by their differential equation's solution."""
+    for before, after in itertools.pairwise(play(model, moments)):
+        if after.because not in (SwitchReason.LEADS, SwitchReason.WORSE):
+            continue
+        since_s = max(after.instant_s - model.hold_s, before.instant_s)
+        assert after.instant_s - before.instant_s >= model.hold_s - 1e-5
+        for index in range(11):
+            instant_s = since_s + (after.instant_s - since_s) * index / 10
+            one = smoothed(model, moments, after.action, instant_s)
+            other = smoothed(model, moments, before.action, instant_s)
+            assert one is not None
+            assert other is None or one - other >= threshold(model) - 1e-4
+
+
+def smoothed(model: CourseModel, moments: list[Moment], action: str, instant_s: float) -> float | None:
+    """Return a smoothed weight, with as many steps as there are moments."""
+    value: float | None = None
+    past = [moment for moment in moments if moment.instant_s <= instant_s + 1e-9]
+    for moment, end_s in zip(past, [*(each.instant_s for each in past[1:]), instant_s], strict=True):
+        target = moment.weights[action]
+        if target is None or value is None or not model.smooth_s:
+            value = target
+        if target is not None and value is not None and model.smooth_s:
+            value = target + (value - target) * math.exp(-max(0.0, end_s - moment.instant_s) / model.smooth_s)
+    return value
+
+
+@given(settings, stories(calm=True), st.lists(st.floats(0.0, 60.0), max_size=30).map(sorted).map(tuple))
+def test_how_often_a_filter_is_asked_changes_nothing(
+    model: CourseModel, moments: list[Moment], extra_s: tuple[float, ...]
+) -> None:
+    plain, often = play(model, moments), play(model, moments, extra_s)
+    assert [(each.action, each.because) for each in plain] == [(each.action, each.because) for each in often]
+    assert all(abs(one.instant_s - other.instant_s) < 1e-4 for one, other in zip(plain, often, strict=True))
+
+
+@given(settings, stories())
+def test_the_same_story_gives_the_same_switches(model: CourseModel, moments: list[Moment]) -> None:
+    assert play(model, moments) == play(model, moments)
+
+
+@given(settings, stories())
+def test_an_unknown_weight_never_wins(model: CourseModel, moments: list[Moment]) -> None:
+    for switch in play(model, moments):
+        said = [moment for moment in moments if moment.instant_s <= switch.instant_s][-1]
+        if switch.because in (SwitchReason.FIRST, SwitchReason.LEADS, SwitchReason.WORSE):
+            assert said.weights[switch.action] is not None
+
+
+@given(settings, stories())
+def test_while_a_hard_rule_holds_its_action_is_the_course(model: CourseModel, moments: list[Moment]) -> None:
+    state = FilterState()
+    for moment in moments:
+        chosen = step(model, state, moment.instant_s, moment.weights, urgent=moment.urgent, forced=moment.forced)
+        state = chosen.state
+        assert not moment.forced or state.action == moment.forced
+
+
+def test_the_heaviest_action_begins_without_waiting() -> None:
+    model = course(smooth_s=5.0, hold_s=3.0, dwell_s=9.0)
+    assert play(model, changes((0.2, 0.7, 0.7))) == [Switch(0.0, "start", SwitchReason.FIRST)]
+
+
+def test_a_lead_is_reached_between_two_weights_at_the_instant_that_can_be_worked_out() -> None:
+    model = course(smooth_s=2.0, lead=0.1, hold_s=1.0)
+    (_, switch) = play(model, changes((0.6, 0.4, 0.0), (0.6, 0.8, 0.0)))
+    crossing_s = 1.0 + 2.0 * math.log((0.2 + 0.2) / (0.2 - 0.1))
+    assert switch.instant_s == pytest.approx(crossing_s + 1.0, abs=1e-5)
+
+
+def test_a_dwell_holds_up_what_leads_and_an_urgent_action_does_not_wait() -> None:
+    model = course(dwell_s=5.0)
+    calm = changes((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    assert [each.instant_s for each in play(model, calm)] == [0.0, pytest.approx(5.0, abs=1e-5)]
+    urgent = [calm[0], Moment(1.0, calm[1].weights, urgent=("start",))]
+    assert play(model, urgent)[1:] == [Switch(1.0, "start", SwitchReason.WORSE)]
+
+
+def test_nothing_known_becomes_the_declared_action_after_the_hold() -> None:
+    model = course(hold_s=2.0, dwell_s=60.0)
+    moments = [*changes((1.0, 0.0, 0.0)), Moment(4.0, dict.fromkeys(ACTIONS))]
+    after = play(model, moments)[1]
+    assert (after.action, after.because) == ("start", SwitchReason.NOTHING_KNOWN)
+    assert after.instant_s == pytest.approx(6.0, abs=1e-5)
+
+
+def test_what_was_chosen_before_anything_was_known_has_no_dwell() -> None:
+    model = course(dwell_s=60.0, hold_s=1.0)
+    moments = [Moment(0.0, dict.fromkeys(ACTIONS)), Moment(2.0, changes((1.0, 0.0, 0.0))[0].weights)]
+    first, second = play(model, moments)
+    assert (first.action, second.action, second.because) == ("start", "pick", SwitchReason.LEADS)
+    assert second.instant_s == pytest.approx(3.0, abs=1e-5)
+
+
+def test_what_is_unknown_for_less_than_the_hold_switches_nothing() -> None:
+    model = course(hold_s=2.0)
+    moments = [
+        *changes((1.0, 0.0, 0.0)),
+        Moment(4.0, dict.fromkeys(ACTIONS)),
+        Moment(5.0, {**changes((1, 0, 0))[0].weights}),
+    ]
+    assert len(play(model, moments)) == 1
+
+
+def test_equal_weights_switch_nothing_though_no_lead_is_asked_for() -> None:
+    model = course()
+    assert len(play(model, changes((1.0, 0.5, 0.0), (0.5, 0.5, 0.5), (0.5, 0.5, 0.0)))) == 1
+    assert not leads(model, 0.5, 0.5)
+
+
+@given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(0.01, 3.0), min_size=1, max_size=6))
+def test_a_smoothed_weight_follows_by_its_time_constant_whatever_the_steps(
+    old: float, new: float, gaps_s: list[float]
+) -> None:
+    model = course(smooth_s=2.0)
+    state = step(model, FilterState(), 0.0, {"pick": old, "start": 0.0, "dock": 0.0}).state
+    state = step(model, state, 0.0, {"pick": new, "start": 0.0, "dock": 0.0}).state
+    for instant_s in itertools.accumulate(gaps_s):
+        state = step(model, state, instant_s, {"pick": new, "start": 0.0, "dock": 0.0}).state
+    expected = new + (old - new) * math.exp(-sum(gaps_s) / 2.0)
+    assert state.tracked["pick"].smoothed == pytest.approx(expected, abs=1e-9)

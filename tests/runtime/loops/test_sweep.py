@@ -1,0 +1,81 @@
+"""Sweeps over what a loop reads: metrics that go one way, and a rule behind each switch."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime import UnknownNameError
+from codra_dsl.runtime.loops.sweep import Sweep, sweep
+from tests.runtime.loops.shop import COURSE, LOADS, MAPE
+
+CALM: dict[str, Value | None] = {
+    "person_distance": 6.0,
+    "battery_level": 80.0,
+    "battery_drain": 0.5,
+    "container_load": "empty",
+    "bumped": False,
+}
+DISTANCES = [0.3 + 0.1 * index for index in range(58)]
+LEVELS = [float(level) for level in range(101)]
+
+
+def swept(variable: str, values: list[Value], **known: Value | None) -> Sweep:
+    """Return a sweep of the shop."""
+    return sweep(MAPE, COURSE, {**CALM, **known}, variable, values)
+
+
+@pytest.mark.parametrize("level", [0.0, 8.0, 20.0, 50.0, 100.0])
+@pytest.mark.parametrize("load", LOADS)
+def test_safety_never_falls_as_people_go_away(level: float, load: str) -> None:
+    rows = swept("person_distance", [*DISTANCES], battery_level=level, container_load=load).rows
+    safeties = [row.metrics["safety"] or 0.0 for row in rows]
+    assert all(one <= other for one, other in itertools.pairwise(safeties))
+    assert safeties[0] < safeties[-1]
+
+
+@pytest.mark.parametrize("distance", [0.5, 2.0, 6.0])
+def test_autonomy_never_falls_as_the_battery_fills(distance: float) -> None:
+    rows = swept("battery_level", [*LEVELS], person_distance=distance).rows
+    autonomies = [row.metrics["power_autonomy"] or 0.0 for row in rows]
+    assert all(one <= other + 1e-9 for one, other in itertools.pairwise(autonomies))
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize("level", [3.0, 12.0, 18.0, 80.0])
+def test_each_switch_over_distance_is_explained_by_a_rule_about_what_is_varied(load: str, level: float) -> None:
+    found = swept("person_distance", [*DISTANCES], container_load=load, battery_level=level)
+    for switch in found.switches:
+        assert float(switch.high) - float(switch.low) < 1e-6
+        *_, of_metrics = switch.rules
+        assert "person_distance" in of_metrics.text
+        assert all(rule.place.startswith("specs/shop.yaml:") for rule in switch.rules)
+        assert all(rule.text in str(found) for rule in switch.rules)
+
+
+def test_the_switch_over_distance_is_where_both_weigh_the_same() -> None:
+    (switch,) = swept("person_distance", [*DISTANCES]).switches
+    assert (switch.before, switch.after) == ("start", "deliver")
+    (row,) = swept("person_distance", [switch.low]).rows
+    assert row.weights["start"] == pytest.approx(row.weights["deliver"], abs=1e-6)
+
+
+def test_below_the_limit_of_a_hard_rule_that_rule_is_what_explains() -> None:
+    found = swept("battery_level", [3.0, 7.0], person_distance=1.0)
+    (switch,) = found.switches
+    assert (switch.before, switch.after) == ("dock", "start")
+    assert [(rule.text, rule.before, rule.after) for rule in switch.rules] == [("battery_level < 5 percent", 1.0, 0.0)]
+    assert float(switch.high) == pytest.approx(5.0)
+
+
+def test_members_switch_between_two_of_them() -> None:
+    (switch,) = swept("container_load", [*LOADS]).switches
+    assert (switch.low, switch.high, switch.before, switch.after) == ("loading", "full", "deliver", "start")
+    assert "container_load is not full" in switch.rules[0].text
+
+
+def test_what_nobody_reads_cannot_be_swept() -> None:
+    with pytest.raises(UnknownNameError):
+        swept("weather", [0.0])

@@ -1,0 +1,134 @@
+"""Ticked by change, the forest gives what the paper's gives: every tree, at every instant at which anything happens."""
+
+from __future__ import annotations
+
+import json
+import random
+from typing import Any
+
+import pytest
+
+from codra_dsl.runtime import SimClock
+from codra_dsl.runtime.context import components as machinery_module
+from codra_dsl.runtime.observers.forest import Forest
+from codra_dsl.runtime.observers.observer import Observer
+from tests.campaigns.crowd.situation import OBSERVED, SENSORS, Perception, situation
+from tests.runtime.forests import Manager, World, started
+
+STEPS = 30
+PERIOD_S = 0.013
+"""How often all trees are ticked though nothing happens: the paper's one second, for periods a tenth as long."""
+
+
+class EveryTree(Forest):
+    """The forest of P1: whatever happens, every tree that runs is ticked, until none brings anything new."""
+
+    def changed(self, variable: str, is_renewed: bool) -> None:  # noqa: ARG002 - a change is a change
+        self.tick_all()
+
+    def touch(self, observer: Observer) -> None:  # noqa: ARG002 - whoever it is about
+        self.tick_all()
+
+    def tick_all(self) -> None:
+        for observer in self.observers.values():
+            super().touch(observer)
+
+
+class Counted:
+    """Makes a forest, and counts its ticks."""
+
+    def __init__(self, kind: type[Forest]) -> None:
+        self.kind = kind
+        self.ticks = 0
+
+    def __call__(self, *arguments: Any) -> Forest:
+        made = self.kind(*arguments)
+        tick = made._tick
+
+        def counted(observer: Observer, now_s: float) -> list:
+            self.ticks += 1
+            return tick(observer, now_s)
+
+        made._tick = counted
+        return made
+
+
+def story(seed: int, forest: Counted, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
+    """What is read of each variable, and what each observer and algorithm does, in order.
+
+    Instants are taken to the nanosecond, as they are summed up in more or fewer steps.
+    """
+    model, clock, chance = situation(seed), SimClock(), random.Random(seed)
+    with monkeypatch.context() as patch:
+        patch.setattr(machinery_module, "Forest", forest)
+        if forest.kind is EveryTree:
+            patch.setattr(Observer, "_is_unsettled", lambda _: True)
+        world = World(Perception(hang=lambda _: None).finds(model))
+        with started(model, world, clock, seed) as manager:
+            if forest.kind is EveryTree:
+                tick_often(manager, clock)
+            for _ in range(STEPS):
+                do_something(manager, chance)
+                clock.sleep(chance.choice([0.0, chance.uniform(0.0, 0.1), 0.3]))
+    told: dict[str, list[object]] = {}
+    for event in manager.record:
+        told.setdefault(f"{event.kind} {event.name}", []).append(_rounded(json.loads(event.as_json())))
+    return told
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(part) for key, part in value.items()}
+    if isinstance(value, list):
+        return [_rounded(part) for part in value]
+    return round(value, 9) if isinstance(value, float) else value
+
+
+def tick_often(manager: Manager, clock: SimClock) -> None:
+    with manager._clock:
+        manager._forest.tick_all()
+    clock.call_at(clock.now_s() + PERIOD_S, lambda: tick_often(manager, clock))
+
+
+def do_something(manager: Manager, chance: random.Random) -> None:
+    what, name = chance.random(), f"v{chance.randrange(OBSERVED)}"
+    evidence_s = manager._clock.now_s() - chance.choice([0.0, 0.0, chance.uniform(0.0, 0.2)])
+    if what < 0.3:
+        manager.declare(name, chance.choice([None, None, True, False]))
+    elif what < 0.4:
+        for declared in sorted(manager.declared())[: chance.randint(1, 4)]:
+            manager.withdraw(declared)
+    elif what < 0.6:
+        manager.set(chance.choice(["near", "lit"]), chance.random() < 0.7, evidence_s=evidence_s)
+    elif what < 0.8:
+        sensor = f"s{chance.randrange(SENSORS)}"
+        manager.agent("device").set(sensor, chance.random() < 0.8, evidence_s=evidence_s)
+    elif what < 0.9:
+        manager.expect(f"k{chance.randrange(8)}")
+    else:
+        with manager.skill(f"k{chance.randrange(8)}") as skill, skill.acting():
+            manager._clock.sleep(chance.uniform(0.0, 0.1))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_forest_ticked_by_change_does_and_reads_what_every_tree_ticked_at_every_instant_does(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_change, every_tree = (Counted(forest) for forest in (Forest, EveryTree))
+
+    assert story(seed, by_change, monkeypatch) == story(seed, every_tree, monkeypatch)
+    assert 5 * by_change.ticks < every_tree.ticks
+
+
+class Overlooks(Forest):
+    """The planted bug: newer evidence for the same value wakes nobody, not even who asks for its age."""
+
+    def changed(self, variable: str, is_renewed: bool) -> None:
+        if not is_renewed:
+            super().changed(variable, is_renewed)
+
+
+def test_a_change_that_is_overlooked_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = [story(4, Counted(forest), monkeypatch) for forest in (Overlooks, EveryTree)]
+
+    assert found[0] != found[1]

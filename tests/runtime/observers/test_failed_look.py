@@ -1,0 +1,50 @@
+"""Which of several setbacks makes a variable unknown."""
+
+from __future__ import annotations
+
+import pytest
+
+from codra_dsl.logic import Value
+from codra_dsl.runtime.observers.failed_look import FailedLook, decisive
+from codra_dsl.runtime.values.cell import Reading, Reason
+
+
+def known_by(source: str, evidence_s: float = 1.0) -> Reading[Value]:
+    return Reading(name="x", content=True, evidence_s=evidence_s, source=source)
+
+
+def unknown(reason: Reason, detail: str = "", evidence_s: float = 1.0) -> Reading[Value]:
+    return Reading(name="x", reason=reason, detail=detail, evidence_s=evidence_s, source="eye")
+
+
+FAILED = FailedLook(Reason.FAILED, "no picture", 2.0, "eye")
+TIMED_OUT = FailedLook(Reason.TIMED_OUT, "no result within 3 s", 2.5, "ear")
+REJECTED = FailedLook(Reason.REJECTED, "not markers >= 3", 3.0, "eye")
+
+
+@pytest.mark.parametrize("forgets", [False, True], ids=["keeps", "forgets"])
+def test_a_failure_takes_only_what_its_own_algorithm_wrote(forgets: bool) -> None:
+    assert decisive(known_by("eye"), [FAILED], forgets=forgets) is FAILED
+    assert decisive(known_by("main_execution"), [FAILED], forgets=forgets) is None
+    assert decisive(known_by("ear"), [FAILED], forgets=forgets) is None
+
+
+def test_a_rejection_takes_the_last_value_only_if_the_variable_forgets() -> None:
+    assert decisive(known_by("ear"), [REJECTED], forgets=True) is REJECTED
+    assert decisive(known_by("eye"), [REJECTED], forgets=False) is None
+
+
+def test_of_several_alternatives_the_one_counts_that_wrote_the_value() -> None:
+    assert decisive(known_by("eye"), [FAILED, TIMED_OUT, REJECTED], forgets=False) is FAILED
+    assert decisive(known_by("ear"), [FAILED, TIMED_OUT, REJECTED], forgets=False) is TIMED_OUT
+
+
+def test_a_setback_older_than_the_value_means_nothing() -> None:
+    assert decisive(known_by("eye", evidence_s=2.1), [FAILED], forgets=True) is None
+    assert decisive(unknown(Reason.INVALIDATED, evidence_s=2.1), [FAILED], forgets=True) is None
+
+
+def test_what_is_unknown_takes_the_latest_reason_once() -> None:
+    assert decisive(unknown(Reason.NEVER_OBSERVED), [FAILED, REJECTED], forgets=False) is REJECTED
+    assert decisive(unknown(Reason.REJECTED, "not markers >= 3"), [REJECTED], forgets=False) is None
+    assert decisive(unknown(Reason.STALE), [], forgets=False) is None

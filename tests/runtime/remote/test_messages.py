@@ -1,0 +1,439 @@
+"""The manager's interface as messages: requests of a main execution in another process, and their effects."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from codra_dsl.runtime import ContextManager, Journal, SimClock
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.observers.urgency import Urgency
+from codra_dsl.runtime.remote import VERSION, Session, open_session
+from codra_dsl.runtime.remote.json_lines import line_of, message_of
+from codra_dsl.runtime.remote.protocol import ERRORS, REQUESTS, Field
+from codra_dsl.runtime.remote.session import MOST_LOOKING
+from codra_dsl.runtime.replay import replay
+from tests.runtime.door import MODEL, Door, Manager, started
+from tests.runtime.journal.journals import read
+
+
+@dataclass
+class Program:
+    """A main execution that uses messages, in simulated time."""
+
+    codra: Manager
+    clock: SimClock
+    received: list[dict[str, Any]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.session: Session = open_session(self.codra, self.received.append)
+
+    def send(self, ask: str, **fields: object) -> None:
+        self.session.receive({"codra": VERSION, "id": len(self.received), "ask": ask, **fields})
+
+    def ask(self, ask: str, **fields: object) -> dict[str, Any]:
+        """Send a request that is answered at once, and return the answer or the error."""
+        before = len(self.received)
+        self.send(ask, **fields)
+        (message,) = self.received[before:]
+        assert message["codra"] == VERSION
+        assert message["id"] == before
+        return dict(message.get("answer", message.get("error")))
+
+    def notices(self, about: str) -> list[dict[str, Any]]:
+        return [message for message in self.received if message.get("notice") == about]
+
+
+@contextmanager
+def program_of(door: Door | None = None) -> Iterator[tuple[Program, Manager, SimClock]]:
+    with started(door or Door(angle_rad=1.0)) as (codra, clock):
+        yield Program(codra, clock), codra, clock
+
+
+def test_a_session_receives_the_names_of_variables_and_skills() -> None:
+    with program_of() as (program, _codra, _clock):
+        hello = program.ask("hello", lease_s=60.0)
+    assert hello["variables"] == ["localized", "near", "open"]
+    assert hello["skills"] == ["drive", "open_door"]
+    assert (hello["spec"], hello["party"], hello["lease_s"]) == ("door", "main_execution 2", 60.0)
+
+
+def test_a_variable_that_a_session_declares_is_observed() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        assert program.ask("declare", variable="open") == {}
+        clock.sleep(5.0)
+        reading = program.ask("get", variable="open")["reading"]
+        assert codra.running() == {"door_distance", "door_lid"}
+    assert (reading["known"], reading["value"], reading["reason"], reading["source"]) == (True, True, None, "look")
+    assert reading["evidence_s"] <= clock.now_s()
+    assert reading["expires_s"] is None
+
+
+def test_a_session_and_the_program_itself_declare_independently() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("declare", variable="near")
+        codra.declare("near")
+        codra.withdraw("near")
+        clock.sleep(1.0)
+        assert codra.declared() == {"near"}
+        program.ask("withdraw", variable="near")
+        assert codra.declared() == frozenset()
+
+
+def test_expectations_of_one_session_do_not_replace_those_of_another() -> None:
+    with program_of() as (first, codra, clock):
+        second = Program(codra, clock)
+        first.ask("expect", skills=["drive"])
+        second.ask("expect", skills=["open_door"])
+        assert codra.declared() == {"near", "open"}
+        second.ask("expect", skills=[])
+        assert codra.declared() == {"near"}
+
+
+def test_a_skill_of_a_session_declares_and_invalidates_until_it_ends() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        number = program.ask("begin", skill="open_door")["number"]
+        clock.sleep(5.0)
+        assert codra.get("open").known
+        program.ask("act", number=number)
+        assert program.ask("get", variable="open")["reading"]["reason"] == "invalidated"
+        program.ask("acted", number=number)
+        program.ask("finish", number=number)
+        assert codra.declared() == frozenset()
+        assert program.ask("finish", number=number)["kind"] == "malformed"
+
+
+def test_a_session_that_leaves_withdraws_all_that_it_declared() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("declare", variable="near")
+        program.ask("expect", skills=["open_door"])
+        program.ask("begin", skill="drive")
+        clock.sleep(1.0)
+        assert program.ask("leave") == {}
+        assert codra.declared() == frozenset()
+        assert codra.running() == frozenset()
+        assert program.ask("declare", variable="near")["kind"] == "lease_over"
+
+
+def test_declarations_of_a_silent_session_are_withdrawn_when_its_lease_is_over() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("hello", lease_s=3.0)
+        program.ask("declare", variable="near")
+        clock.sleep(2.9)
+        assert codra.running() == {"door_distance"}
+        clock.sleep(0.2)
+        assert codra.running() == frozenset()
+        (over,) = program.notices("lease_over")
+        assert over["message"] == "no message was received for 3 s"
+        assert program.ask("get", variable="near")["kind"] == "lease_over"
+
+
+def test_every_request_renews_the_lease() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("hello", lease_s=3.0)
+        program.ask("declare", variable="near")
+        for _ in range(10):
+            clock.sleep(2.9)
+            program.ask("keep")
+        assert codra.running() == {"door_distance"}
+
+
+def test_a_decision_is_answered_from_context() -> None:
+    with program_of() as (program, codra, clock):
+        codra.declare("open")
+        clock.sleep(4.0)
+        answer = program.ask("decide", variable="open", max_age_s=3.0)
+    assert answer["answered"] is True
+    assert answer["reading"]["value"] is True
+    assert [event.what for event in codra.record.of(Kind.DECISION)] == ["answered"]
+
+
+def test_a_decision_without_context_takes_the_value_that_the_main_execution_acquires() -> None:
+    with program_of() as (program, codra, _clock):
+        program.ask("declare", variable="open")
+        answer = program.ask("decide", variable="open")
+        assert answer["answered"] is False
+        assert answer["reading"]["reason"] == "never_observed"
+        assert program.ask("found", decision=answer["decision"], value=True) == {}
+        assert codra.get("open").value is True
+        assert program.ask("found", decision=answer["decision"], value=True)["kind"] == "malformed"
+    (decision,) = codra.record.of(Kind.DECISION)
+    assert (decision.what, decision.details["found"], decision.details["kept"]) == ("fell_back", True, True)
+
+
+def test_a_decision_that_may_wait_is_answered_as_soon_as_context_knows() -> None:
+    with program_of() as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        program.ask("declare", variable="open")
+        program.send("decide", variable="open", wait_up_to_s=20.0)
+        before = len(program.received)
+        clock.sleep(10.0)
+        (message,) = program.received[before:]
+    assert message["answer"]["answered"] is True
+    (decision,) = codra.record.of(Kind.DECISION)
+    known_s = next(event.instant_s for event in codra.record.of(Kind.VARIABLE) if event.name == "open")
+    assert decision.instant_s == known_s
+
+
+def test_a_decision_that_has_waited_without_success_lets_the_main_execution_look() -> None:
+    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+        program.ask("hello", lease_s=60.0)
+        program.ask("declare", variable="open")
+        program.send("decide", variable="open", wait_up_to_s=7.0)
+        clock.sleep(10.0)
+        message = program.received[-1]["answer"]
+        assert message["answered"] is False
+        program.ask("found", decision=message["decision"])
+    (decision,) = codra.record.of(Kind.DECISION)
+    assert decision.what == "fell_back"
+
+
+def test_a_session_that_is_over_answers_no_decision_that_waits() -> None:
+    with program_of(Door(distance_m=5.0)) as (program, _codra, clock):
+        program.ask("hello", lease_s=3.0)
+        program.send("decide", variable="open", wait_up_to_s=7.0)
+        clock.sleep(10.0)
+        assert [list(message)[1] for message in program.received] == ["id", "notice"]
+
+
+def test_a_subscriber_receives_each_new_reading() -> None:
+    door = Door(distance_m=1.0)
+    with program_of(door) as (program, _codra, clock):
+        program.ask("hello", lease_s=60.0)
+        answer = program.ask("subscribe", variables=["near", "near"])
+        program.ask("declare", variable="near")
+        clock.sleep(3.0)
+        readings = program.notices("reading")
+        assert readings[0]["reading"]["reason"] == "never_observed"
+        assert {reading["subscription"] for reading in readings} == {answer["subscription"]}
+        assert readings[-1]["reading"]["value"] is True
+        program.ask("unsubscribe", subscription=answer["subscription"])
+        clock.sleep(3.0)
+        assert program.notices("reading") == readings
+        assert program.ask("unsubscribe", subscription=answer["subscription"])["kind"] == "malformed"
+
+
+WRONG: dict[str, tuple[dict[str, object], str, str]] = {
+    "unknown variable": (
+        {"ask": "get", "variable": "oben"},
+        "unknown_name",
+        "the spec has no variable 'oben': did you mean 'open'?",
+    ),
+    "unknown skill": (
+        {"ask": "begin", "skill": "open_dor"},
+        "unknown_name",
+        "the spec has no skill 'open_dor': did you mean 'open_door'?",
+    ),
+    "unknown agent": (
+        {"ask": "set", "variable": "near", "value": True, "agent": "cat"},
+        "unknown_name",
+        "the spec has no variable whose source is 'cat'",
+    ),
+    "not declared": (
+        {"ask": "set", "variable": "open", "value": True},
+        "not_declared",
+        "'open' is for observer to write: the main execution may only while it has declared it",
+    ),
+    "no such type": ({"ask": "declare", "variable": "near", "value": "yes"}, "not_of_type", "'yes' is no bool"),
+    "the future": (
+        {"ask": "set", "variable": "localized", "value": True, "evidence_s": 5.0},
+        "not_allowed",
+        "evidence for 'localized' was taken at 0.0 at the latest, not at 5.0",
+    ),
+    "field missing": ({"ask": "get"}, "malformed", "`get` needs `variable`: a text"),
+    "field unknown": (
+        {"ask": "get", "variable": "open", "variabel": 1},
+        "malformed",
+        "`get` has no field 'variabel': did you mean 'variable'?",
+    ),
+    "field of another kind": ({"ask": "get", "variable": ["open"]}, "malformed", "`variable` of `get` is a text"),
+    "negative time": (
+        {"ask": "decide", "variable": "open", "wait_up_to_s": -1},
+        "malformed",
+        "`wait_up_to_s` of `decide` is a finite number that is not negative",
+    ),
+    "no such request": (
+        {"ask": "declair"},
+        "malformed",
+        f"`ask` is one of {', '.join(REQUESTS)}: did you mean 'declare'?",
+    ),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_wrong_request_is_answered_with_an_error(wrong: str) -> None:
+    fields, kind, message = WRONG[wrong]
+    with program_of() as (program, codra, _clock):
+        assert program.ask(**fields) == {"kind": kind, "message": message}  # type: ignore[arg-type]
+        assert codra.declared() == frozenset()
+
+
+@pytest.mark.parametrize("message", [None, [], "get", {"ask": "get"}, {"codra": 2, "ask": "keep"}, {"codra": True}])
+def test_a_message_of_another_version_is_answered_with_an_error(message: object) -> None:
+    with program_of() as (program, _codra, _clock):
+        program.session.receive(message)
+    (answer,) = program.received
+    assert answer["error"]["kind"] == "malformed"
+    assert answer["id"] is None
+
+
+def test_a_closed_manager_takes_no_declarations() -> None:
+    with program_of() as (program, codra, _clock):
+        codra.close()
+        assert program.ask("declare", variable="near")["kind"] == "closed"
+        assert program.ask("begin", skill="drive")["kind"] == "closed"
+
+
+@pytest.mark.parametrize("ask", [{"ask": "hello", "lease_s": 10**400}, {"ask": "act", "number": -(10**400)}])
+def test_a_number_that_is_too_large_is_refused(ask: dict[str, Any]) -> None:
+    with program_of() as (program, _codra, _clock):
+        assert program.ask(**ask)["kind"] == "malformed"
+
+
+def test_a_decision_that_waits_is_answered_when_the_manager_closes() -> None:
+    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+        program.ask("hello", lease_s=600.0)
+        program.send("decide", variable="open", wait_up_to_s=300.0)
+        codra.close()
+        clock.sleep(0.0)
+        assert program.received[-1]["answer"]["answered"] is False
+
+
+def test_a_session_that_ends_abandons_its_decisions_and_their_urgency() -> None:
+    with program_of(Door(distance_m=5.0)) as (program, codra, clock):
+        program.send("decide", variable="open")
+        program.send("decide", variable="open", wait_up_to_s=7.0)
+        assert codra.commands.urgency("door_lid") is Urgency.WAITED_FOR
+        clock.sleep(6.0)
+        assert program.notices("lease_over")
+        assert codra.commands.urgency("door_lid") is Urgency.DECLARED
+        raised = [event.details["raised"] for event in codra.record.of(Kind.DECISION)]
+        assert raised == ["LeaseError", "LeaseError"]
+
+
+def test_the_oldest_of_too_many_unreported_decisions_is_abandoned() -> None:
+    with program_of() as (program, _codra, _clock):
+        numbers = [program.ask("decide", variable="open")["decision"] for _ in range(MOST_LOOKING + 1)]
+        assert program.ask("found", decision=numbers[0])["kind"] == "malformed"
+        assert program.ask("found", decision=numbers[1]) == {}
+
+
+def test_lone_surrogates_break_neither_the_journal_nor_the_line(tmp_path: Path) -> None:
+    journal, clock = Journal(tmp_path / "run.mcap"), SimClock()
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": Door()}, record=journal) as codra:
+        program = Program(codra, clock)
+        number = program.ask("decide", variable="open")["decision"]
+        program.ask("found", decision=number, raised="\ud800")
+    assert journal.failure is None
+    assert message_of(line_of({"id": "\ud800"})) == {"id": "\ud800"}
+
+
+def test_an_infinite_value_is_decoded_as_infinite() -> None:
+    assert message_of(line_of({"value": math.inf})) == {"value": math.inf}
+
+
+anything = some.recursive(
+    some.none() | some.booleans() | some.integers() | some.floats() | some.sampled_from(["open", "near", "drive", ""]),
+    lambda inner: some.lists(inner, max_size=3) | some.dictionaries(some.text(max_size=3), inner, max_size=3),
+    max_leaves=5,
+)
+fitting = {
+    Field.TEXT: some.sampled_from(["open", "near", "localized", "drive", "open_door", "x"]),
+    Field.TEXTS: some.lists(some.sampled_from(["open", "near", "drive", "open_door", "x"]), max_size=3),
+    Field.INTEGER: some.integers(0, 4),
+    Field.NUMBER: some.floats(-10, 10),
+    Field.DURATION: some.floats(0, 10),
+    Field.TRUTH: some.booleans(),
+    Field.VALUE: some.booleans() | some.integers(-5, 5) | some.text(max_size=2),
+}
+
+
+@some.composite
+def requests(draw: some.DrawFn) -> dict[str, object]:
+    ask = draw(some.sampled_from(sorted(REQUESTS)))
+    shape = REQUESTS[ask]
+    optional = draw(some.sets(some.sampled_from(sorted(shape.optional)))) if shape.optional else set()
+    kinds = {name: kind for name, kind in {**shape.required, **shape.optional}.items() if name not in shape.optional}
+    kinds |= {name: shape.optional[name] for name in optional}
+    fields = {name: draw(fitting[kind] | anything) for name, kind in sorted(kinds.items())}
+    return {"codra": VERSION, "id": draw(some.integers(0, 99)), "ask": ask, **fields}
+
+
+@settings(max_examples=150, deadline=None)
+@given(messages=some.lists(some.tuples(requests() | anything, some.floats(0, 2)), max_size=25))
+def test_each_request_has_one_answer_and_leaving_withdraws_all_declarations(
+    messages: list[tuple[Any, float]],
+) -> None:
+    with program_of() as (program, codra, clock):
+        for message, pause_s in messages:
+            program.session.receive(message)
+            clock.sleep(pause_s)
+        clock.sleep(20.0)
+        program.session.close()
+        assert codra.declared() == frozenset()
+        assert codra.running() == frozenset()
+    answered = [message for message in program.received if "notice" not in message]
+    assert json.loads(json.dumps(program.received, allow_nan=False)) == program.received
+    assert len(answered) <= len(messages)
+    assert all(("answer" in message) != ("error" in message) for message in answered)
+
+
+def test_every_request_has_a_handler() -> None:
+    assert [ask for ask in REQUESTS if not hasattr(Session, f"_{ask}")] == []
+
+
+def test_the_page_documents_every_request_with_its_fields_and_every_kind_of_error() -> None:
+    page = (Path(__file__).parents[3] / "docs/reference/messages.md").read_text(encoding="utf-8")
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| `")
+    ]
+    documented = {row[0].strip("`"): re.findall(r"`(\w+)`", row[1]) for row in rows}
+    for ask, shape in REQUESTS.items():
+        assert documented[ask] == [*shape.required, *shape.optional]
+    assert set(ERRORS) <= documented.keys()
+
+
+def test_a_journal_with_two_sessions_whose_leases_end_is_replayed_byte_for_byte(tmp_path: Path) -> None:
+    path, copied, clock = tmp_path / "run.mcap", tmp_path / "replayed.mcap", SimClock()
+    door = Door(distance_m=5.0)
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": door}, record=Journal(path)) as codra:
+        codra.set("localized", True)
+        for program in (Program(codra, clock), Program(codra, clock)):
+            program.ask("declare", variable="near")
+            program.ask("begin", skill="open_door")
+            program.send("decide", variable="open", wait_up_to_s=9.0)
+        clock.sleep(8.0)
+        assert codra.declared() == frozenset()
+    assert replay(*read(path), MODEL, ContextManager, Journal(copied)).difference is None
+    assert copied.read_bytes() == path.read_bytes()
+
+
+def test_a_journal_with_sessions_is_replayed_byte_for_byte(tmp_path: Path) -> None:
+    path, copied, clock = tmp_path / "run.mcap", tmp_path / "replayed.mcap", SimClock()
+    door = Door(angle_rad=1.0)
+    with ContextManager[str, str](MODEL, clock=clock, resources={"door": door}, record=Journal(path)) as codra:
+        codra.set("localized", True)
+        program = Program(codra, clock)
+        program.ask("hello", lease_s=6.0)
+        program.ask("expect", skills=["open_door"])
+        program.send("decide", variable="open", wait_up_to_s=4.0)
+        clock.sleep(5.0)
+        program.ask("declare", variable="near")
+        program.ask("begin", skill="open_door")
+        clock.sleep(20.0)
+        assert program.notices("lease_over")
+    replayed = replay(*read(path), MODEL, ContextManager, Journal(copied))
+    assert replayed.difference is None
+    assert copied.read_bytes() == path.read_bytes()

@@ -1,0 +1,340 @@
+"""A main execution in another process: real sockets, real processes, real time."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from codra_dsl.runtime import ContextManager, NotDeclaredError, NotOfTypeError, UnknownNameError, WallClock
+from codra_dsl.runtime.journal import Kind
+from codra_dsl.runtime.remote import MessageError, RemoteContext, Server
+from codra_dsl.runtime.remote.json_lines import LONGEST_LINE
+from tests.runtime.door import GIVEN_NEAR, Door, Manager
+
+ROOT = Path(__file__).parents[3]
+PATIENCE_S = 60.0
+
+PROGRAM = """
+import sys
+from codra_dsl.runtime.remote import RemoteContext
+
+codra = RemoteContext(sys.argv[1], lease_s=float(sys.argv[2]))
+codra.expect("drive")
+with codra.skill("open_door"):
+    print("under way", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture
+def door() -> Door:
+    return Door(angle_rad=1.0, duration_s=0.02)
+
+
+@pytest.fixture
+def codra(door: Door) -> Iterator[Manager]:
+    with (
+        WallClock() as clock,
+        ContextManager[str, str](GIVEN_NEAR, clock=clock, resources={"door": door}) as manager,
+    ):
+        manager.set("near", True)
+        yield manager
+
+
+@pytest.fixture
+def server(codra: Manager, tmp_path: Path) -> Iterator[Server]:
+    with Server(codra, tmp_path / "codra.sock") as made:
+        yield made
+
+
+def eventually(ready: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not ready():
+        assert time.monotonic() < end_s
+        time.sleep(0.005)
+
+
+def main_execution(server: Server, lease_s: float) -> subprocess.Popen[str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(server.address), str(lease_s)],
+        cwd=ROOT,
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "under way\n"
+    return process
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.communicate(timeout=PATIENCE_S)
+
+
+def test_a_main_execution_elsewhere_works_as_one_in_the_same_process(server: Server, codra: Manager) -> None:
+    with RemoteContext(server.address) as remote:
+        assert remote.hello["skills"] == ["drive", "open_door"]
+        remote.expect("open_door")
+        with remote.skill("open_door") as skill:
+            assert remote.decide("open", lambda: None, wait_up_to_s=PATIENCE_S) is True
+            with skill.acting():
+                assert not remote.get("open").known
+            assert remote.decide("open", lambda: False) is False
+            assert codra.get("open").value is False
+        remote.declare("near", True)
+        remote.set("near", False, evidence_s=remote.get("near").evidence_s)
+        assert remote.get("near").value is False
+        remote.withdraw("near")
+        assert codra.declared() == frozenset()
+    assert [event.what for event in codra.record.of(Kind.DECISION)] == ["answered", "fell_back"]
+
+
+def test_errors_are_those_of_the_context_manager(server: Server) -> None:
+    with RemoteContext(server.address) as remote:
+        with pytest.raises(UnknownNameError, match="did you mean 'open'"):
+            remote.get("oben")
+        with pytest.raises(NotDeclaredError, match="while it has declared it"):
+            remote.set("open", value=True)
+        with pytest.raises(NotOfTypeError, match="'ajar' is no bool"):
+            remote.declare("open", "ajar")
+        with pytest.raises(MessageError, match="`value` of `set` is a text"):
+            remote.set("near", None)
+        assert remote.get("near").value is True
+
+
+def test_an_error_of_looking_reaches_the_program_and_the_event_log(server: Server, codra: Manager) -> None:
+    def look() -> bool:
+        raise FileNotFoundError("no camera")
+
+    with RemoteContext(server.address) as remote, pytest.raises(FileNotFoundError, match="no camera"):
+        remote.decide("open", look)
+    (decision,) = codra.record.of(Kind.DECISION)
+    assert decision.details["raised"] == "FileNotFoundError"
+
+
+def test_a_subscriber_elsewhere_is_called_with_each_reading(server: Server, codra: Manager) -> None:
+    values: list[Any] = []
+    with RemoteContext(server.address) as remote:
+        stop = remote.subscribe("near", lambda reading: values.append(reading.content))
+        for value in (False, True, False):
+            codra.set("near", value)
+        eventually(lambda: values[-1:] == [False] and len(values) >= 1)
+        stop()
+        codra.set("near", True)
+        remote.get("near")
+    assert values[-1] is False
+
+
+def test_declarations_of_a_killed_main_execution_are_withdrawn(server: Server, codra: Manager) -> None:
+    process = main_execution(server, lease_s=3600.0)
+    assert codra.declared() == {"near", "open"}
+    end(process)
+    eventually(lambda: not codra.declared() and not codra.running())
+
+
+def test_declarations_of_a_stopped_main_execution_are_withdrawn_when_its_lease_is_over(
+    server: Server, codra: Manager
+) -> None:
+    process = main_execution(server, lease_s=0.3)
+    os.kill(process.pid, signal.SIGSTOP)
+    try:
+        eventually(lambda: not codra.declared() and not codra.running())
+    finally:
+        os.kill(process.pid, signal.SIGCONT)
+        end(process)
+
+
+def test_the_heartbeat_of_a_busy_main_execution_keeps_its_lease(server: Server, codra: Manager) -> None:
+    with RemoteContext(server.address, lease_s=0.3) as remote:
+        remote.declare("open")
+        time.sleep(1.0)
+        assert codra.declared() == {"open"}
+
+
+def test_without_a_manager_a_program_looks_by_itself_and_logs_it(
+    codra: Manager, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = Server(codra, tmp_path / "codra.sock")
+    remote = RemoteContext(server.address)
+    remote.declare("open")
+    server.close()
+    assert remote.decide("open", lambda: "seen by itself", wait_up_to_s=5.0) == "seen by itself"
+    assert any(
+        message.startswith("the decision on open falls back to sequential perception: ") for message in caplog.messages
+    )
+    with pytest.raises(ConnectionError):
+        remote.get("open")
+    assert codra.declared() == frozenset()
+
+
+def test_connecting_raises_where_no_manager_listens(tmp_path: Path) -> None:
+    with pytest.raises(ConnectionError, match=r"no manager listens at .*nobody.sock"):
+        RemoteContext(tmp_path / "nobody.sock")
+
+
+def raw(server: Server) -> socket.socket:
+    made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    made.settimeout(PATIENCE_S)
+    made.connect(str(server.address))
+    return made
+
+
+def test_invalid_lines_are_answered_with_errors_and_the_session_continues(server: Server) -> None:
+    with raw(server) as peer, peer.makefile("rb") as answers:
+        peer.sendall(b'{"codra": 1, "ask": \n\xff\xfe\n' + b"[" * 100_000 + b'\n{"codra": NaN}\n')
+        for _ in range(4):
+            assert json.loads(answers.readline())["error"]["kind"] == "malformed"
+        peer.sendall(b'{"codra": 1, "id": "a", "ask": "keep"}\r\n')
+        assert json.loads(answers.readline())["id"] == "a"
+
+
+def test_a_request_of_a_web_page_ends_the_session(server: Server, codra: Manager) -> None:
+    with raw(server) as peer, peer.makefile("rb") as answers:
+        peer.sendall(b'POST / HTTP/1.1\r\n{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
+        assert json.loads(answers.readline())["error"]["kind"] == "malformed"
+        assert answers.readline() == b""
+    assert "open" not in codra.declared()
+
+
+def test_a_line_without_end_ends_the_session(server: Server, codra: Manager) -> None:
+    with raw(server) as peer, peer.makefile("rb") as answers:
+        peer.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
+        assert json.loads(answers.readline())["answer"] == {}
+        peer.sendall(b" " * (LONGEST_LINE + 1))
+        assert json.loads(answers.readline())["error"]["message"] == f"a message has {LONGEST_LINE} bytes at most"
+        assert answers.readline() == b""
+    eventually(lambda: not codra.declared())
+
+
+def test_a_client_that_does_not_read_delays_no_other_client(server: Server, codra: Manager) -> None:
+    with raw(server) as deaf, RemoteContext(server.address) as remote:
+        deaf.sendall(b'{"codra": 1, "id": 1, "ask": "declare", "variable": "open"}\n')
+        eventually(lambda: "open" in codra.declared())
+        flood = threading.Thread(target=lambda: _flood(deaf), daemon=True)
+        flood.start()
+        for value in (True, False) * 20:
+            remote.set("near", value) if remote.get("near").content is not value else None
+        eventually(lambda: "open" not in codra.declared())
+        flood.join(PATIENCE_S)
+        assert not flood.is_alive()
+        assert remote.get("near").known
+
+
+def _flood(deaf: socket.socket) -> None:
+    try:
+        for _ in range(1000):
+            deaf.sendall(b'{"codra": 1, "id": 1, "ask": "hello"}\n' * 1000)
+    except OSError:
+        pass
+
+
+def test_a_socket_that_a_dead_manager_left_behind_is_taken_over(codra: Manager, tmp_path: Path) -> None:
+    path = tmp_path / "codra.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as left:
+        left.bind(str(path))
+    with Server(codra, path) as server, RemoteContext(server.address) as remote:
+        assert remote.get("near").value is True
+        with pytest.raises(OSError, match="in use"):
+            Server(codra, path)
+    assert not path.exists()
+
+
+def test_a_file_that_is_not_a_socket_is_left_alone(codra: Manager, tmp_path: Path) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("mine", encoding="utf-8")
+    with pytest.raises(OSError, match="in use"):
+        Server(codra, path)
+    assert path.read_text(encoding="utf-8") == "mine"
+
+
+def test_a_port_of_this_machine_serves_as_well(codra: Manager) -> None:
+    with Server(codra) as server, RemoteContext(server.address) as remote:
+        assert isinstance(server.address, int)
+        assert remote.get("near").value is True
+
+
+def test_many_threads_share_a_connection(server: Server) -> None:
+    wrong: list[object] = []
+    with RemoteContext(server.address) as remote:
+
+        def ask() -> None:
+            for _ in range(200):
+                reading = remote.get("near")
+                if reading.name != "near" or remote.get("open").name != "open":
+                    wrong.append(reading)
+
+        threads = [threading.Thread(target=ask) for _ in range(6)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join(PATIENCE_S)
+            assert not thread.is_alive()
+    assert wrong == []
+
+
+def test_a_lost_connection_does_not_hide_an_error_of_the_program(codra: Manager, tmp_path: Path) -> None:
+    server = Server(codra, tmp_path / "codra.sock")
+    remote = RemoteContext(server.address)
+
+    def lose() -> None:
+        with remote.skill("open_door") as skill, skill.acting():
+            server.close()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        lose()
+
+
+def test_a_callback_that_raises_is_called_again(server: Server, codra: Manager) -> None:
+    values: list[Any] = []
+
+    def callback(reading: Any) -> None:
+        values.append(reading.content)
+        raise ZeroDivisionError
+
+    with RemoteContext(server.address) as remote:
+        remote.subscribe("near", callback)
+        eventually(lambda: values == [True])
+        codra.set("near", False)
+        eventually(lambda: values == [True, False])
+
+
+def test_a_lease_that_is_refused_leaves_no_thread(server: Server) -> None:
+    with pytest.raises(MessageError, match="lease_s"):
+        RemoteContext(server.address, lease_s=-1.0)
+    eventually(lambda: "codra-client" not in {thread.name for thread in threading.enumerate()})
+
+
+def test_a_decision_without_limit_waits_for_context(server: Server) -> None:
+    with RemoteContext(server.address) as remote:
+        remote.declare("open")
+        assert remote.decide("open", lambda: "looked", wait_up_to_s=float("inf")) is True
+
+
+def test_a_server_that_is_closed_twice_leaves_the_next_one_alone(codra: Manager, tmp_path: Path) -> None:
+    first = Server(codra, tmp_path / "codra.sock")
+    first.close()
+    with Server(codra, tmp_path / "codra.sock") as second:
+        first.close()
+        with RemoteContext(second.address) as remote:
+            assert remote.get("near").known
+
+
+@pytest.mark.parametrize("address", ["no/folder/codra.sock", "x" * 200, 70_000])
+def test_the_error_of_an_unusable_address_names_it(codra: Manager, address: str | int) -> None:
+    with pytest.raises(OSError, match=f"cannot listen at {address}"):
+        Server(codra, Path(address) if isinstance(address, str) else address)
+    with pytest.raises(ConnectionError, match=f"no manager listens at {address}"):
+        RemoteContext(Path(address) if isinstance(address, str) else address)

@@ -1,0 +1,88 @@
+"""Mappings of which each change makes another: whatever is written later, and by whom, each stays as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.runtime.values.persistent import PersistentMap
+
+CHANGES = st.dictionaries(st.integers(0, 12), st.one_of(st.none(), st.integers(1, 9)), max_size=4)
+
+
+def entries(mapping: PersistentMap[int, int]) -> dict[int, int]:
+    return {key: mapping[key] for key in mapping}
+
+
+@given(st.lists(st.tuples(st.integers(0, 10**6), CHANGES), max_size=60), st.integers(0, 10**6))
+def test_every_version_stays_as_it_was_whichever_of_them_is_changed(
+    changes: list[tuple[int, dict[int, int | None]]], asked: int
+) -> None:
+    versions: list[tuple[PersistentMap[int, int], dict[int, int]]] = [(PersistentMap(), {})]
+    for chosen, change in changes:
+        before, told = versions[-1 if chosen % 3 else chosen % len(versions)]
+        after = {key: value for key, value in {**told, **change}.items() if value is not None}
+        versions.append((before.with_changes(change), after))
+    first = asked % len(versions)
+    for mapping, told in versions[first:] + versions[:first]:
+        assert {key: mapping.get(key) for key in range(13) if key in mapping} == told
+        assert (len(mapping), entries(mapping), sorted(mapping.values())) == (len(told), told, sorted(told.values()))
+
+
+@given(st.integers(1, 3000), st.data())
+def test_an_old_version_is_read_after_thousands_of_changes(count: int, data: st.DataObject) -> None:
+    versions = [PersistentMap[int, int]()]
+    for number in range(1, count + 1):
+        versions.append(versions[-1].with_entry(number % 7, number))
+    at = data.draw(st.integers(0, count))
+    told = {number % 7: number for number in range(1, at + 1)}
+    assert [versions[at].get(key) for key in range(7)] == [told.get(key) for key in range(7)]
+    assert entries(versions[at]) == told
+
+
+def test_a_key_that_is_not_there_cannot_be_taken_away() -> None:
+    mapping = PersistentMap[str, int]().with_entry("a", 1)
+    assert mapping.without("b") is mapping
+    assert "a" not in mapping.without("a")
+    assert "a" in mapping
+
+
+class Key:
+    """A key that lets another thread have its turn whenever a dictionary asks for its hash."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.turn: Callable[[], object] | None = None
+
+    def __hash__(self) -> int:
+        turn, self.turn = self.turn, None
+        if turn is not None:
+            turn()
+            self.turn = turn
+        return hash(self.name)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Key) and self.name == other.name
+
+
+def test_whoever_reads_a_mapping_while_it_is_changed_finds_it_as_it_was() -> None:
+    keys = [Key(name) for name in "abc"]
+    before = PersistentMap[Key, int]().with_changes({Key(name): 1 for name in "abc"})
+    seen: list[list[int | None]] = []
+    for key in keys:
+        key.turn = lambda: seen.append([before.get(Key(name)) for name in "abc"])
+    after = before.with_changes(dict.fromkeys(keys, 2))
+    assert len(seen) > len(keys)
+    assert all(found == [1, 1, 1] for found in seen)
+    assert [after.get(Key(name)) for name in "abc"] == [2, 2, 2]
+
+
+def test_what_is_changed_while_somebody_reads_it_is_found_as_it_was() -> None:
+    held = PersistentMap[Key, int]().with_entry(Key("a"), 1)
+    newest = [held]
+    asked = Key("a")
+    asked.turn = lambda: newest.append(newest[-1].with_entry(Key("a"), len(newest) + 1))
+    assert [held.get(asked) for _ in range(5)] == [1, 1, 1, 1, 1]
+    assert newest[-1][Key("a")] == len(newest) > 5

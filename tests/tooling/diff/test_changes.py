@@ -1,0 +1,273 @@
+"""What a review tells beyond the forty edits: each further key, names in the package, whole specs."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.compiler import plan_text
+from codra_dsl.generation.emit import emit
+from codra_dsl.language.diagnostics import Diagnostic, Place, Rule, Severity, Span, has_errors
+from codra_dsl.tooling.diff import Broken, Category, Level, Review, Verdict, Version, review
+from codra_dsl.tooling.diff.variables import enum_types
+from codra_dsl.tooling.diff.version import Side
+from tests.tooling.diff.versions import planned, reviewed
+
+ROOT = Path(__file__).parents[3]
+BASE = """\
+codra: 1
+name: oven
+context:
+  hot: {type: bool}
+  heat: {type: float, unit: percent, range: [0, 100]}
+  mode: {type: enum, values: [off, grill, bake], valid_for: 1 min}
+  wish: {type: enum, values: [off, grill, bake], source: main_execution}
+  lid: {type: bool, source: main_execution, valid_for: 5 s}
+  crust: {type: int, range: [0, 9]}
+resources:
+  camera: {}
+  probe: {}
+  arm: {slots: 2}
+perception:
+  feel:
+    call: oven.hands:feel
+    with: {depth: 2 cm}
+    uses: {probe: read, arm: slot}
+    min_interval: 1 s
+    returns:
+      warmth: {type: float, unit: percent, range: [0, 100]}
+      pain: {type: float, optional: true}
+    observable_when:
+      - lid
+    identifies:
+      hot: {enter: warmth > 60 percent, leave: warmth < 40 percent, confirm: 2 of 3}
+      heat: warmth
+  watch:
+    call: oven.eyes:watch
+    uses: {camera: read}
+    given: [lid]
+    rank: 2
+    returns:
+      dial: {type: enum, values: [off, grill, bake]}
+    identifies:
+      mode: dial
+  guess:
+    call: oven.eyes:guess
+    uses: {camera: read}
+    rank: 3
+    returns:
+      sound: {type: str}
+    identifies:
+      mode:
+        off: sound == "none"
+        grill: sound == "fan"
+        bake: sound not in ("none", "fan")
+  smell:
+    call: oven.nose:smell
+    returns:
+      burnt: {type: int, range: [0, 9]}
+    observable_when:
+      - mode in ("grill", "bake")
+    identifies:
+      crust: burnt
+skills:
+  bake:
+    preview: [hot, mode, wish, crust]
+    monitor: [heat becomes > 80 percent within 5 min, mode stays "bake"]
+observers:
+  oven_heat: {identifies: [hot, heat], period: 2 s}
+"""
+
+
+def told(found: Review) -> list[str]:
+    return sorted(f"{change.category} {change.element}" for change in found.changes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("call: oven.hands:feel", "call: oven.hands:touch", ["perceived-otherwise oven/perception/feel"]),
+        ("depth: 2 cm", "depth: deep", ["contract oven/perception/feel"]),
+        ("depth: 2 cm", "length: 2 cm", ["contract oven/perception/feel"]),
+        ("pain: {type: float, optional: true}", "pain: {type: float}", ["contract oven/perception/feel"]),
+        (
+            "    uses: {probe: read, arm: slot}\n",
+            "    uses: {probe: read, arm: slot}\n    isolate: process\n",
+            ["perceived-otherwise oven/perception/feel"],
+        ),
+        ("      pain: {type: float, optional: true}\n", "", ["contract oven/perception/feel"]),
+        (
+            "warmth: {type: float, unit: percent, range: [0, 100]}",
+            "warmth: {type: float, unit: percent, range: [0, 120]}",
+            ["eased oven/perception/feel"],
+        ),
+        (
+            "sound: {type: str}",
+            "sound: {type: str}\n      light: {type: bool, optional: true}",
+            ["eased oven/perception/guess"],
+        ),
+        ("confirm: 2 of 3", "confirm: 1 of 3", ["weaker oven/perception/feel"]),
+        ("confirm: 2 of 3", "confirm: 3 of 3", ["stronger oven/perception/feel"]),
+        (", confirm: 2 of 3", "", ["weaker oven/perception/feel"]),
+        ("leave: warmth < 40 percent", "leave: warmth < 50 percent", ["redefined oven/perception/feel"]),
+        ('off: sound == "none"', 'off: sound == "quiet"', ["redefined oven/perception/guess"]),
+        ('bake: sound not in ("none", "fan")', 'bake: sound != "none" and sound != "fan"', []),
+        ("min_interval: 1 s", "min_interval: 2 s", ["slower oven/perception/feel"]),
+        ("min_interval: 1 s", "min_interval: 0 s", ["faster oven/perception/feel"]),
+        ("    given: [lid]\n", "", ["weaker oven/perception/watch", "contract oven/perception/watch"]),
+        ("    given: [lid]\n", "    observable_when:\n      - known(lid)\n", ["contract oven/perception/watch"]),
+        ("    rank: 3\n", "    rank: 1\n", ["perceived-otherwise oven/context/mode", "renamed oven/observer/guess"]),
+        ("hot: {type: bool}", "hot: {type: bool, history: 10}", ["stronger oven/context/hot"]),
+        ("hot: {type: bool}", "hot: {type: bool, when_unobservable: forget}", ["stronger oven/context/hot"]),
+        ("hot: {type: bool}", "hot: {type: bool, refresh: on_event}", ["slower oven/context/hot"]),
+        ("hot: {type: bool}", "hot: {type: bool, of: kitchen}", ["layout oven/context/hot"]),
+        ("hot: {type: bool}", "hot: {type: bool, description: It burns.}", ["wording oven/context/hot"]),
+        ("range: [0, 9]}\nresources", "range: [0, 9], unit: percent}\nresources", None),
+        ("arm: {slots: 2}", "arm: {slots: 1}", []),
+        ("within 5 min", "within 4 min", ["stronger oven/skill/bake"]),
+        ("heat becomes > 80 percent", "heat becomes >= 80 percent", ["weaker oven/skill/bake"]),
+        ('mode stays "bake"', 'mode stays "grill"', ["guard-changed oven/skill/bake"]),
+        ("  oven_heat: {", "  oven_warmth: {", ["renamed oven/observer/oven_warmth"]),
+        ("name: oven", "name: stove", ["added stove", "removed oven"]),
+        ("  smell:\n", "  sniff:\n", ["renamed oven/perception/sniff"]),
+        ("  bake:\n    preview", "  roast:\n    preview", ["added oven/skill/roast", "removed oven/skill/bake"]),
+        ('mode in ("grill", "bake")', 'mode != "off"', []),
+    ],
+)
+def test_each_key_is_told_as_what_it_does_to_a_robot(old: str, new: str, expected: list[str] | None) -> None:
+    if expected is None:  # what identifies it has no unit: B is no spec that can be planned
+        assert has_errors(plan_text(BASE.replace(old, new), "oven.yaml", ROOT / "tests").diagnostics)
+    else:
+        assert told(reviewed(BASE, (old, new))) == sorted(expected)
+
+
+def test_an_observer_is_not_told_of_where_its_algorithm_is() -> None:
+    """Its name follows from the algorithm's."""
+    found = reviewed(BASE, ("  watch:\n", "  look:\n"))
+
+    assert told(found) == ["renamed oven/perception/look"]
+
+
+def test_algorithms_that_take_the_place_of_others_are_held_to_the_same_guard() -> None:
+    other = ("  smell:\n    call: oven.nose:smell\n", "  taste:\n    call: oven.mouth:taste\n")
+    guard = ('mode in ("grill", "bake")', "known(mode)")
+
+    replaced = ["perceived-otherwise oven/context/crust", "renamed oven/observer/taste"]
+    assert told(reviewed(BASE, other)) == replaced
+    assert told(reviewed(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
+
+
+def test_an_alternative_that_goes_first_changes_what_is_perceived() -> None:
+    new = (
+        "  ask:\n    call: oven.radio:ask\n    returns:\n"
+        "      dial: {type: enum, values: [off, grill, bake]}\n    identifies:\n      mode: dial\n"
+    )
+
+    assert "perceived-otherwise oven/context/mode" in told(reviewed(BASE, ("  smell:\n", f"{new}  smell:\n")))
+
+
+def test_the_name_that_the_package_gives_to_an_enum_is_told_when_it_goes() -> None:
+    head, rest = (
+        "  mode: {type: enum, values: [off, grill, bake], valid_for: 1 min}\n",
+        "  wish: {type: enum, values: [off, grill, bake], source: main_execution}\n",
+    )
+
+    assert told(reviewed(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
+
+
+@pytest.mark.parametrize("name", ["lab", "kitchen"])
+def test_the_names_of_enums_are_those_of_the_generated_package(name: str) -> None:
+    planned_spec = plan_text((ROOT / f"specs/{name}.yaml").read_text("utf-8"), f"specs/{name}.yaml", ROOT).plans[0]
+    (entry,) = (text for path, text in emit(planned_spec).items() if path == f"{name}/__init__.py")
+    bound = {
+        target.id
+        for node in ast.parse(entry).body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+    assert set(enum_types(Side(plan=planned_spec))) <= bound
+    assert (name == "kitchen") is bool(enum_types(Side(plan=planned_spec)))
+
+
+def test_a_spec_under_a_new_name_is_recognised_in_the_message() -> None:
+    found = review(planned(BASE), planned(BASE.replace("name: oven", "name: ovens")))
+
+    (removed,) = (change for change in found.changes if change.category is Category.REMOVED)
+    assert "'ovens' looks like its new name" in removed.message
+
+
+def test_a_renamed_variable_is_recognised_by_its_algorithm() -> None:
+    found = reviewed(
+        BASE,
+        ("  crust: {", "  browning: {"),
+        ("      crust: burnt", "      browning: burnt"),
+        ("wish, crust]", "wish, browning]"),
+    )
+
+    (removed,) = (change for change in found.changes if change.category is Category.REMOVED)
+    assert "'browning' looks like its new name" in removed.message
+    assert told(found) == ["added oven/context/browning", "removed oven/context/crust"]
+
+
+def test_the_verdict_is_that_of_the_worst_change_and_every_category_has_a_level() -> None:
+    assert {category.level for category in Category} == set(Level)
+    assert review(planned(BASE), planned(BASE)).verdict is Verdict.SAME
+    assert review(Version(), planned(BASE)).verdict is Verdict.COMPATIBLE
+    assert review(planned(BASE), Version()).verdict is Verdict.BREAKING
+
+
+def test_a_comparison_turned_around_turns_its_words_around() -> None:
+    """What was weaker is stronger, what was slower faster, and nothing is only told one way."""
+    opposite = {"weaker": "stronger", "slower": "faster", "added": "removed", "widened": "narrowed"}
+    opposite |= {other: one for one, other in opposite.items()}
+    edits = [
+        (
+            "lid: {type: bool, source: main_execution, valid_for: 5 s}",
+            "lid: {type: bool, source: main_execution, valid_for: 9 s}",
+        )
+    ]
+    edits += [("period: 2 s", "period: 3 s"), ("range: [0, 9]}\nresources", "range: [0, 12]}\nresources")]
+    text = BASE
+    for old, new in edits:
+        text = text.replace(old, new)
+
+    forth, back = review(planned(BASE), planned(text)), review(planned(text), planned(BASE))
+
+    assert sorted(opposite[each.category] + each.element for each in forth.changes) == sorted(
+        each.category + each.element for each in back.changes
+    )
+
+
+def broken(name: str | None, code: str = "CDR4101") -> Broken:
+    rule = Rule(code=code, name="x", severity=Severity.ERROR)
+    place = Place(Span("spec.yaml", 3, 1, 3, 2))
+    found = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
+    return Broken(name=name, file="spec.yaml", errors=(found,))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        (planned(BASE), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
+        (planned(BASE), Version(broken=(broken("oven", "CDR5101"),)), ["cyclic oven/perception/feel"]),
+        (planned(BASE), Version(broken=(broken("oven", "CDR5102"),)), ["unobservable oven/perception/feel"]),
+        (planned(BASE), Version(broken=(broken(None),)), ["invalid spec.yaml/perception/feel"]),
+        (planned(BASE), Version(broken=(broken("pan"),)), ["invalid pan/perception/feel", "removed oven"]),
+        (Version(broken=(broken("oven"),)), planned(BASE), ["repaired oven"]),
+        (Version(broken=(broken(None),)), planned(BASE), ["repaired oven"]),
+        (Version(broken=(broken("oven"),)), Version(broken=(broken("oven"),)), ["invalid oven/perception/feel"]),
+        (Version(broken=(broken("oven"),)), Version(), ["removed oven"]),
+        (
+            planned(BASE),
+            Version(plans=planned(BASE).plans, broken=(broken("oven"),)),
+            ["invalid oven/perception/feel"],
+        ),
+        (Version(plans=planned(BASE).plans, broken=(broken("oven"),)), planned(BASE), []),
+    ],
+)
+def test_specs_with_errors_are_told_once(before: Version, after: Version, expected: list[str]) -> None:
+    assert told(review(before, after)) == expected

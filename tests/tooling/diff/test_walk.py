@@ -1,0 +1,140 @@
+"""Every field of the model is compared, and a new one is reported without an edit of the review."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from codra_dsl.compiler import plan_paths, plan_text
+from codra_dsl.generation.build_plan import BuildPlan
+from codra_dsl.language import model
+from codra_dsl.tooling.diff import Category, Version, review
+from codra_dsl.tooling.diff.table import FIELDS
+from tests.tooling.diff.test_changes import BASE
+
+CASES = Path(__file__).parents[2] / "cases/valid"
+CLASSES = [cls for _, cls in sorted(inspect.getmembers(model, inspect.isclass)) if dataclasses.is_dataclass(cls)]
+AS_ONE_VALUE = {
+    "Condition": "conditions are compared by meaning",
+    "DeclaredTemplate": "specs are compared after templates were put in",
+    "FuzzyTerm": "the terms of an element are compared together",
+    "HardRule": "the hard rules of a course are compared together",
+    "LeafTasks": "the leaves of a tree are compared together",
+    "Letters": "only places",
+    "Method": "the way to a number is compared as one value",
+    "Motion": "the motion of an edge is compared as one value, but for `valid_for`",
+    "Phrase": "the rules of a metric are compared together",
+    "Posed": "guards are compared with what they ask of poses",
+    "Rate": "a rate is compared as one value",
+    "Reference": "references are compared by name",
+    "StartingPose": "a pose is compared as one value",
+    "StartingValue": "the starting values of a node are compared together",
+    "Use": "specs are compared after templates were put in",
+    "View": "a view is compared as one value",
+    "Writer": "writers are compared by name and order",
+}
+NOT_COMPARED = {
+    "Condition": "by meaning only",
+    "DeclaredTemplate": "see above",
+    "Letters": "only places",
+    "Posed": "see above",
+    "Use": "see above",
+    "Writer": "by name and order only",
+}
+BY_DEFAULT = {
+    *("Adaptation.dwell_s", "Conduct.phase", "Output.worse", "Parameter.variable", "Parameter.value"),
+    *("Course.choose", "Course.within", "Course.otherwise", "Course.lead"),
+    *("Course.smooth_s", "Course.hold_s", "Course.cooldown_s", "Course.abort_s"),
+    *("TreeElement.course", "TreeElement.period_s", "TreeElement.repeat"),
+    *("Loop.monitor", "Loop.analyse", "Loop.adapt", "Loop.execute"),
+}
+"""Fields of which it is enough to report that they have changed, as `redefined`."""
+
+PAIRED_BY = {"Usage.resource", "Identification.variable", "Expectation.variable", "Expectation.expected"}
+"""Fields by which entries are paired, so that they never differ; `name` is another."""
+
+
+@pytest.mark.parametrize("cls", [cls for cls in CLASSES if cls.__name__ not in AS_ONE_VALUE])
+def test_every_field_has_a_line_in_the_table_or_is_compared_by_default_on_purpose(cls: type) -> None:
+    undecided = [
+        f"{cls.__name__}.{field.name}"
+        for field in dataclasses.fields(cls)
+        if field.compare and field.type != "Place" and field.name not in {**FIELDS[object], **FIELDS.get(cls, {})}
+    ]
+
+    assert {name for name in undecided if not name.endswith(".name")} - BY_DEFAULT - PAIRED_BY == set()
+
+
+def test_lists_of_this_file_name_no_field_that_is_gone() -> None:
+    names = {f"{cls.__name__}.{field.name}" for cls in CLASSES for field in dataclasses.fields(cls)}
+
+    assert names >= BY_DEFAULT | PAIRED_BY
+    assert {cls.__name__ for cls in CLASSES} >= set(AS_ONE_VALUE)
+    assert all(
+        set(comparers) <= {field.name for field in dataclasses.fields(cls)}
+        for cls, comparers in FIELDS.items()
+        if dataclasses.is_dataclass(cls)
+    )
+
+
+@cache
+def plans() -> tuple[BuildPlan, ...]:
+    """Plans that have a value of every class."""
+    oven = plan_text(BASE, "spec.yaml", CASES).plans
+    knowledge = plan_text((CASES / "knowledge.yaml").read_text("utf-8"), "spec.yaml", CASES).plans
+    return (*oven, *knowledge, *plan_paths([CASES / "loops-everything/spec.yaml"], CASES / "loops-everything").plans)
+
+
+def with_field(value: Any, cls: type, new: type, content: object) -> Any:
+    """Return a value in which each value of a class has one more field."""
+    if isinstance(value, tuple):
+        return tuple(with_field(entry, cls, new, content) for entry in value)
+    if isinstance(value, Mapping) and not isinstance(value, model.Places):
+        return {name: with_field(entry, cls, new, content) for name, entry in value.items()}
+    if not dataclasses.is_dataclass(value) or isinstance(value, type):
+        return value
+    fields = {
+        field.name: with_field(getattr(value, field.name), cls, new, content)
+        for field in dataclasses.fields(value)
+        if field.init
+    }
+    return new(**fields, novel=content) if type(value) is cls else type(value)(**fields)
+
+
+@pytest.mark.parametrize("cls", [cls for cls in CLASSES if cls.__name__ not in NOT_COMPARED], ids=str)
+def test_a_new_field_is_reported_without_an_edit(cls: type) -> None:
+    new = dataclasses.make_dataclass(
+        cls.__name__, [("novel", object, dataclasses.field(kw_only=True))], bases=(cls,), frozen=True
+    )
+    pairs = ((with_field(plan, cls, new, 1), with_field(plan, cls, new, 2)) for plan in plans())
+
+    assert any(review(Version(plans=(before,)), Version(plans=(after,))).changes for before, after in pairs)
+
+
+def test_a_new_section_has_elements_that_come_and_go() -> None:
+    sections = [("zones", object, dataclasses.field(kw_only=True))]
+    new = dataclasses.make_dataclass("Spec", sections, bases=(model.Spec,), frozen=True)
+    before, after = (
+        dataclasses.replace(plan, checked=dataclasses.replace(plan.checked, spec=zoned))
+        for plan in plans()[1:2]
+        for nodes in (plan.checked.spec.nodes[:2], plan.checked.spec.nodes[1:3])
+        for zoned in [new(**{**vars_of(plan.checked.spec), "zones": nodes})]
+    )
+
+    changes = review(Version(plans=(before,)), Version(plans=(after,))).changes
+
+    gone, _, came = (node.name for node in plans()[1].checked.spec.nodes[:3])
+    assert [(change.category, change.element) for change in changes] == [
+        (Category.REMOVED, f"picking_up/zones/{gone}"),
+        (Category.ADDED, f"picking_up/zones/{came}"),
+    ]
+
+
+def vars_of(spec: model.Spec) -> dict[str, Any]:
+    return {field.name: getattr(spec, field.name) for field in dataclasses.fields(spec)}

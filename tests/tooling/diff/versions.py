@@ -1,0 +1,22 @@
+"""Versions of a spec, from its text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from codra_dsl.compiler import plan_text
+from codra_dsl.language.diagnostics import has_errors
+from codra_dsl.tooling.diff import Review, Version, review
+from tests.language.check.specs import edited
+
+
+def planned(text: str) -> Version:
+    """Return a version that holds one spec, without errors."""
+    found = plan_text(text, "spec.yaml", Path(__file__).parents[2])
+    assert not has_errors(found.diagnostics), found.diagnostics
+    return Version(plans=found.plans)
+
+
+def reviewed(base: str, *edits: tuple[str, str]) -> Review:
+    """Return what a review tells of edits, each of something that stands in the text once."""
+    return review(planned(base), planned(edited(*edits, text=base)))

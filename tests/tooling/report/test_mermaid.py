@@ -1,0 +1,229 @@
+"""The graph as a Mermaid flowchart, read back by a strict grammar of the part of Mermaid that it uses."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from html import unescape
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.compiler import plan_paths
+from codra_dsl.generation.algorithm2 import plan
+from codra_dsl.generation.build_plan import EdgeKind
+from codra_dsl.tooling.report.graphs import Graph, graph_of
+from codra_dsl.tooling.report.looks import EDGES, label_of
+from codra_dsl.tooling.report.mermaid import MAX_EDGES, MAX_LETTERS, flowchart
+from codra_dsl.tooling.selection import select
+from tests.language.check.checked_specs import Pi, checked_spec, skill, variable
+
+ROOT = Path(__file__).parents[3]
+NAME = r"[A-Za-z][A-Za-z0-9_]*"
+LABEL = r'"(?P<label>(?:[^"#<>&`\\]|#[0-9]+;|<br/>)*)"'
+LINES = {
+    "comment": re.compile(r"%% .*"),
+    "subgraph": re.compile(rf"subgraph (?P<name>{NAME})\[{LABEL}\]"),
+    "end": re.compile(r"end"),
+    "legend": re.compile(
+        rf'(?P<a>{NAME})\(\("A"\)\) (?P<arrow>-->|==>|-\.->|-\.-o|---)\|{LABEL}\| (?P<b>{NAME})\(\("B"\)\)'
+    ),
+    "node": re.compile(
+        rf"(?P<name>{NAME})(?P<shape>\(\(\(|\(\(|\(\[|\{{\{{|\[\[|\[\(|\[/|\{{|\(|\[){LABEL}"
+        rf"(?P<closing>\)\)\)|\)\)|\]\)|\}}\}}|\]\]|\)\]|\\\]|\}}|\)|\])(?::::(?P<style>{NAME}))?"
+    ),
+    "edge": re.compile(rf"(?P<source>{NAME}) (?P<arrow>-->|==>|-\.->|-\.-o|---) (?P<target>{NAME})"),
+    "classDef": re.compile(
+        rf"classDef (?P<name>{NAME}) fill:#[0-9a-f]{{6}},stroke:#[0-9a-f]{{6}},color:#000000(,stroke-dasharray:4 2)?"
+    ),
+    "linkStyle": re.compile(r"linkStyle (?P<numbers>[0-9]+(,[0-9]+)*) stroke:(?P<colour>#[0-9a-f]{6})"),
+}
+SHAPES = {
+    *(("(", ")"), ("[", "]"), ("{{", "}}"), ("([", "])"), ("[/", "\\]"), ("((", "))"), ("[[", "]]")),
+    *(("{", "}"), ("[(", ")]"), ("(((", ")))")),
+}
+RESERVED = {"end", "graph", "flowchart", "subgraph", "style", "class", "click", "default", "call", "href"}
+
+
+@dataclass
+class Chart:
+    """What Mermaid would read."""
+
+    nodes: dict[str, str] = field(default_factory=dict)
+    inside: dict[str, str] = field(default_factory=dict)
+    edges: list[tuple[str, str, str]] = field(default_factory=list)
+    colours: dict[int, str] = field(default_factory=dict)
+    styles: set[str] = field(default_factory=set)
+
+
+def read(text: str) -> Chart:
+    """Read a flowchart, strictly: every line is of a known form, every name is declared once and before its use."""
+    first, *lines = text.removesuffix("\n").split("\n")
+    assert first == "flowchart LR"
+    chart, frames, used = Chart(), [], set()
+    for line in map(str.strip, lines):
+        ((form, found),) = [(form, match) for form, each in LINES.items() if (match := each.fullmatch(line))] or [
+            ("?", line)
+        ]
+        assert not isinstance(found, str), line
+        parts = {key: value for key, value in found.groupdict().items() if value is not None}
+        label = next((shown(value) for key, value in parts.items() if key.startswith("label")), "")
+        if form == "subgraph":
+            frames.append(label)
+            assert parts["name"] not in chart.nodes
+        elif form == "end":
+            frames.pop()
+        elif form == "node":
+            assert (parts["shape"], parts["closing"]) in SHAPES
+            assert parts["name"] not in chart.nodes
+            chart.nodes[parts["name"]], chart.inside[parts["name"]] = label, "/".join(frames)
+            used.add(parts.get("style", "plain"))
+        elif form == "legend":
+            chart.edges.append((label, parts["arrow"], ""))
+        elif form == "edge":
+            assert {parts["source"], parts["target"]} <= chart.nodes.keys()
+            chart.edges.append((parts["source"], parts["arrow"], parts["target"]))
+        elif form == "classDef":
+            chart.styles.add(parts["name"])
+        elif form == "linkStyle":
+            numbers = [int(number) for number in parts["numbers"].split(",")]
+            assert not chart.colours.keys() & set(numbers)
+            chart.colours |= dict.fromkeys(numbers, parts["colour"])
+    assert frames == []
+    assert used <= chart.styles | {"plain"}
+    assert not RESERVED & {name.lower() for name in chart.nodes}
+    return chart
+
+
+def shown(label: str) -> str:
+    return unescape(re.sub(r"#([0-9]+);", r"&#\1;", label.replace("<br/>", "\n")))
+
+
+@pytest.fixture(scope="module")
+def lab() -> Graph:
+    return graph_of(plan_paths([ROOT / "specs/lab.yaml"], ROOT).plans)
+
+
+def test_the_flowchart_has_every_node_and_every_edge_of_the_graph(lab: Graph) -> None:
+    chart = read(flowchart(lab).text)
+
+    labels = {name: label.split("\n")[0] for name, label in chart.nodes.items()}
+    edges = {(labels[source], labels[target]) for source, _, target in chart.edges if target}
+    label_by_id = {element.id: label_of(element) for element in lab.elements}
+    assert flowchart(lab).is_whole
+    assert {label_of(element) for element in lab.elements} <= set(labels.values())
+    assert edges == {tuple(label_by_id[end] for end in link.flow) for link in lab.links}
+    assert sum(bool(target) for _, _, target in chart.edges) == len(lab.links)
+
+
+def test_a_use_of_a_template_is_a_frame_around_what_it_makes(lab: Graph) -> None:
+    chart = read(flowchart(lab).text)
+    frame_of = {label.split("\n")[0]: chart.inside[name] for name, label in chart.nodes.items()}
+
+    assert frame_of["PCR-cycler_open"] == frame_of["find_pcr_cycler_in_view"] == "pcr_cycler"
+    assert frame_of["open_centrifuge"] == "centrifuge"
+    assert frame_of["robot_is_localized"] == ""
+    assert "PCR-cycler_open\n\u2264 12 s" in chart.nodes.values()
+
+
+def test_each_kind_of_edge_has_a_colour_and_a_sentence(lab: Graph) -> None:
+    chart = read(flowchart(lab).text)
+
+    assert chart.colours.keys() == set(range(len(chart.edges)))
+    for number, link in enumerate(lab.links):
+        assert chart.colours[number] == EDGES[link.kind].colour
+    told = [sentence for sentence, _, target in chart.edges if not target]
+    used = {link.kind for link in lab.links}
+    assert EdgeKind.FEEDBACK not in used
+    assert told == [EDGES[kind].sentence for kind in EDGES if kind in used]
+
+
+def test_several_specs_have_a_frame_each(lab: Graph) -> None:
+    both = graph_of([*plan_paths([ROOT / "specs"], ROOT).plans])
+    chart = read(flowchart(both).text)
+
+    frames = {chart.inside[name] for name in chart.nodes if name.startswith("n")}
+
+    assert {"lab", "kitchen", "lab/centrifuge", "lab/pcr_cycler"} <= frames
+    assert len(lab.elements) < len(both.elements)
+
+
+@given(st.text(max_size=30))
+def test_no_label_can_break_out_of_its_quotes(label: str) -> None:
+    graph = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
+
+    chart = read(flowchart(graph).text)
+
+    assert chart.nodes["n0"] == f"{label_of(graph.elements[0])}\n\u2264 5 s"
+
+
+@pytest.mark.parametrize(
+    "label", ["end", "1. one", "- dash", "`code`", "**bold**", "a@b", "-->", "A#quot;B", "%% no", "x & y"]
+)
+def test_what_mermaid_would_read_as_its_own_stands_as_a_code(label: str) -> None:
+    graph = graph_of([plan(checked_spec([Pi(name="p", identifies=["a"])], variables=[variable("a", label=label)]))])
+
+    line = next(line for line in flowchart(graph).text.splitlines() if line.strip().startswith("n0"))
+
+    assert re.fullmatch(r'  n0\("[\w ]*(#[0-9]+;[\w ]*)*<br/>\u2264 5 s"\):::context', line)
+
+
+def halls(count: int) -> Graph:
+    """Many independent chains, as many uses of a template would make them."""
+    looks = [
+        Pi(name=f"see_{n}_{step}", identifies=[f"v_{n}_{step}"], needs=[f"v_{n}_{step - 1}"] if step else ["start"])
+        for n in range(count)
+        for step in range(3)
+    ]
+    origins = {("perception", look.name): f"room_{look.name.split('_')[1]}" for look in looks}
+    origins |= {("context", str(look.identifies[0])): f"room_{look.name.split('_')[1]}" for look in looks}
+    return graph_of(
+        [plan(checked_spec(looks, skills=[skill("go", [f"v_{n}_2" for n in range(count)])], origins=origins))]
+    )
+
+
+def test_a_graph_beyond_mermaids_limits_is_drawn_together() -> None:
+    graph = halls(60)
+
+    chart = flowchart(graph)
+    boxes = read(chart.text)
+
+    assert len(graph.links) > MAX_EDGES
+    assert not chart.is_whole
+    assert chart.fits
+    assert sorted(boxes.nodes.values()) == sorted(
+        ["lab\n2 nodes", *(f"room_{number}\n9 nodes" for number in range(60))]
+    )
+    assert {
+        (boxes.nodes[source].split("\n")[0], boxes.nodes[target].split("\n")[0]) for source, _, target in boxes.edges
+    } == {ends for number in range(60) for ends in (("lab", f"room_{number}"), (f"room_{number}", "lab"))}
+
+
+def test_a_part_of_it_is_drawn_in_full() -> None:
+    graph = halls(60)
+
+    chart = flowchart(graph.part(select(graph.choices(), ["+v_7_2"])))
+
+    assert chart.is_whole
+    assert "v_7_1" in chart.text
+
+
+def test_one_file_is_drawn_together_by_observers() -> None:
+    looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["start"]) for number in range(400)]
+    graph = graph_of([plan(checked_spec(looks))])
+
+    chart = flowchart(graph)
+
+    assert "see_399<br/>3 nodes" in chart.text
+    assert chart.edges == 400
+    assert len(chart.text) < MAX_LETTERS
+
+
+def test_what_is_too_large_even_so_says_so() -> None:
+    looks = [Pi(name=f"see_{number}", identifies=[f"v{number}"], needs=["one", "two"]) for number in range(300)]
+
+    chart = flowchart(graph_of([plan(checked_spec(looks))]))
+
+    assert (chart.is_whole, chart.fits, chart.edges) == (False, False, 600)

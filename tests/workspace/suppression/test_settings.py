@@ -1,0 +1,218 @@
+"""`[tool.codra.lint]`: what it means, and where it is wrong."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codra_dsl.language.diagnostics import Diagnostic, Place, Severity
+from codra_dsl.language.project import project_of
+from codra_dsl.workspace.suppression import Settings, known_rules, settings_of
+from codra_dsl.workspace.suppression.toml_places import TomlPlaces
+
+RULES = known_rules()
+
+
+def read(tmp_path: Path, text: str | bytes) -> tuple[Settings, tuple[Diagnostic, ...]]:
+    (tmp_path / "pyproject.toml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    return settings_of(tmp_path)
+
+
+def lint(text: str) -> str:
+    return f"[tool.codra.lint]\n{text}\n"
+
+
+def told(found: Diagnostic) -> tuple[str, int, int, int]:
+    span = found.place.span
+    return found.code, span.line, span.column, span.end_column
+
+
+def test_without_settings_everything_is_reported_at_the_rule_s_level(tmp_path: Path) -> None:
+    settings, found = settings_of(tmp_path)
+
+    assert found == ()
+    assert all(settings.wants(rule) for rule in RULES.values())
+    assert all(settings.level(rule) is rule.severity for rule in RULES.values())
+    assert settings.fail_on is Severity.ERROR
+
+
+def test_settings_are_read(tmp_path: Path) -> None:
+    text = lint('select = ["CDR7"]\nignore = ["CDR7102"]\nfail-on = "warning"\nseverity = {CDR7101 = "warning"}')
+
+    settings, found = read(tmp_path, text)
+
+    assert found == ()
+    assert settings == Settings(
+        select=("CDR7",), ignore=("CDR7102",), severity={"CDR7101": Severity.WARNING}, fail_on=Severity.WARNING
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "wanted"),
+    [
+        ('ignore = ["CDR71"]', "CDR7102", False),
+        ('ignore = ["CDR71"]', "CDR7901", True),
+        ('select = ["CDR71"]', "CDR3030", False),
+        ('select = ["CDR7102"]\nignore = ["CDR71"]', "CDR7102", True),
+        ('select = ["CDR71"]\nignore = ["CDR7102"]', "CDR7102", False),
+        ('select = ["CDR71"]', "CDR3101", True),
+        ('ignore = ["CDR"]', "CDR3101", True),
+        ('ignore = ["CDR3024"]', "CDR3024", False),
+    ],
+)
+def test_the_longest_code_decides_and_errors_that_prevent_compiling_are_always_reported(
+    tmp_path: Path, text: str, code: str, wanted: bool
+) -> None:
+    settings, found = read(tmp_path, lint(text))
+
+    assert found == ()
+    assert settings.wants(RULES[code]) is wanted
+
+
+def test_severities_go_by_the_longest_code(tmp_path: Path) -> None:
+    settings, found = read(tmp_path, lint('[tool.codra.lint.severity]\nCDR71 = "error"\nCDR7102 = "warning"'))
+
+    assert found == ()
+    assert settings.level(RULES["CDR7101"]) is Severity.ERROR
+    assert settings.level(RULES["CDR7102"]) is Severity.WARNING
+    assert settings.level(RULES["CDR3101"]) is Severity.ERROR
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "way_out"),
+    [
+        ('ignroe = ["CDR7102"]', ("CDR0021", 2, 1, 7), "did you mean 'ignore'?"),
+        ('fail_on = "warning"', ("CDR0021", 2, 1, 8), "did you mean 'fail-on'?"),
+        ("colour = 1", ("CDR0021", 2, 1, 7), "known are select, ignore, severity, fail-on"),
+        ('ignore = ["CDR7102", "CDR7199"]', ("CDR0022", 2, 22, 31), "did you mean 'CDR7109'?"),
+        ('ignore = ["unreached-variable"]', ("CDR0022", 2, 11, 31), "did you mean 'CDR7102'?"),
+        ('ignore = ["cdr7102"]', ("CDR0022", 2, 11, 20), "did you mean 'CDR7102'?"),
+        ('ignore = ["everything"]', ("CDR0022", 2, 11, 23), "a code is CDR and four digits"),
+        ('select = "CDR71"', ("CDR0023", 2, 10, 17), 'write select = ["CDR7102"]'),
+        ("select = [\n  71,\n]", ("CDR0023", 3, 3, 5), 'write "CDR7102"'),
+        ('fail-on = "warn"', ("CDR0023", 2, 11, 17), 'write "error" or "warning"'),
+        ('fail-on = "warnin"', ("CDR0023", 2, 11, 19), "did you mean 'warning'?"),
+        ("severity = 3", ("CDR0023", 2, 12, 13), 'write severity = {CDR7102 = "error"}'),
+        ('severity = {CDR7102 = "info"}', ("CDR0023", 2, 23, 29), 'write "error" or "warning"'),
+        ('severity = {CDR7102 = "off"}', ("CDR0023", 2, 23, 28), "what is not wanted goes to 'ignore'"),
+        ('severity = {CDR7199 = "error"}', ("CDR0022", 2, 13, 20), "did you mean 'CDR7109'?"),
+        ("ignore = [\"CDR7102\", 'CDR7102']", ("CDR0024", 2, 22, 31), "remove one of them"),
+        ('select = ["CDR71"]\nignore = ["CDR71"]', ("CDR0024", 3, 11, 18), "remove one of them"),
+        ('ignore = ["CDR3101"]', ("CDR0025", 2, 11, 20), "correct the spec"),
+        ('ignore = ["CDR5"]', ("CDR0025", 2, 11, 17), "correct the spec"),
+        ('severity = {CDR2003 = "warning"}', ("CDR0025", 2, 13, 20), "correct the spec"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_place_and_a_way_out(
+    tmp_path: Path, text: str, place: tuple[str, int, int, int], help: str
+) -> None:
+    _, (found,) = read(tmp_path, lint(text))
+
+    assert told(found) == place
+    assert help in found.help
+
+
+def test_a_misspelt_table_is_told(tmp_path: Path) -> None:
+    _, (found,) = read(tmp_path, "[tool.codra]\n[tool.codra.lnit]\nignore = []\n")
+
+    assert told(found)[:2] == ("CDR0021", 2)
+    assert found.help == "did you mean 'lint'?"
+
+
+@pytest.mark.parametrize("text", ["[tool]\ncodra = 3\n", "[[tool.codra]]\nlint = {}\n", "[tool.codra]\nlint = 1\n"])
+def test_a_table_that_is_none_is_told_and_the_project_is_one_all_the_same(tmp_path: Path, text: str) -> None:
+    settings, (found,) = read(tmp_path, text)
+
+    assert settings == Settings()
+    assert found.message.endswith("must be a table")
+    assert project_of(tmp_path / "specs") == tmp_path
+
+
+def test_what_is_right_counts_though_something_else_is_wrong(tmp_path: Path) -> None:
+    settings, found = read(tmp_path, lint('ignore = ["CDR7102", "CDR7", 3]\nselct = 1'))
+
+    assert settings.ignore == ("CDR7102", "CDR7")
+    assert len(found) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column"),
+    [
+        (lint('ignore = ["CDR7102"]\nignore = []'), 3, 12),
+        ("[tool.codra.lint\n", 1, 17),
+        ("[tool.codra]\nx =", 2, 4),
+        (b"[tool.codra]\n# \xff\n", 2, 3),
+        (b"\xef\xbb\xbf[tool.codra]\n", 1, 1),
+    ],
+)
+def test_a_file_that_is_no_toml_is_told_where_it_stops_being_that(
+    tmp_path: Path, text: str | bytes, line: int, column: int
+) -> None:
+    """A key that stands twice makes it no TOML, too."""
+    _, (found,) = read(tmp_path, text)
+
+    assert told(found)[:3] == ("CDR0020", line, column)
+    assert project_of(tmp_path / "specs") == tmp_path
+
+
+KEYS = st.sampled_from(["select", "ignore", "severity", "fail-on", "other", '"a.b"', "'c d'", "e.f"])
+SIMPLE = st.sampled_from(
+    ["1", "1.5", "true", '"x"', "'y # no'", '"a \\" b"', "1979-05-27", '"""m\nn"""', "'''\no'''", "inf", "0x1F"]
+)
+VALUES = st.recursive(
+    SIMPLE,
+    lambda inner: (
+        st.lists(inner, max_size=3).map(lambda items: "[" + ", ".join(items) + "]")
+        | st.lists(inner, max_size=3).map(
+            lambda items: "[\n  # c\n" + "".join(f"  {item}, # d\n" for item in items) + "]"
+        )
+        | inner.map(lambda item: "{k = " + item + ", l = 2}")
+    ),
+    max_leaves=5,
+)
+ENTRIES = st.dictionaries(KEYS, VALUES, max_size=4)
+HEADERS = st.lists(
+    st.sampled_from(["[tool.codra.lint]", "[ beside ]", '["q"."r"]', "[[many]]"]), unique=True, max_size=3
+)
+
+
+@given(ENTRIES, HEADERS, ENTRIES)
+def test_every_key_of_a_toml_file_is_found_where_it_is_written_and_so_are_plain_values(
+    first: dict[str, str], headers: list[str], second: dict[str, str]
+) -> None:
+    tables = ["", *headers]
+    text = "".join(
+        header + " # c\n" + "".join(f"{key} = {value}\n" for key, value in (second if header else first).items())
+        for header in tables
+    ).removeprefix(" # c\n")
+    tomllib.loads(text)
+    offsets = [0, *(match.end() for match in re.finditer("\n", text))]
+    places = TomlPlaces("pyproject.toml", text)
+
+    def at(place: Place) -> str:
+        span = place.span
+        return text[offsets[span.line - 1] + span.column - 1 : offsets[span.end_line - 1] + span.end_column - 1]
+
+    for table, entries in zip(tables, [first, *[second] * len(headers)], strict=True):
+        around = tuple(part.strip(' "') for part in table.strip("[] ").split(".")) if table else ()
+        if table == "[[many]]":
+            continue
+        for key, value in entries.items():
+            steps = (*around, *(key[1:-1],)) if key[0] in "\"'" else (*around, *key.split("."))
+            assert at(places.key(*steps)) == key.rpartition(".")[2] if key == "e.f" else key
+            if value in ("1", "true", '"x"', "'y # no'"):
+                assert at(places.value(*steps)) == value
+
+
+@given(st.dictionaries(st.text("[]{}=,.\"'#ab1", max_size=4), st.integers(), max_size=3))
+def test_what_stands_nowhere_is_at_the_beginning(entries: dict[str, int]) -> None:
+    text = "".join(f"{json.dumps(key)} = {value}\n" for key, value in entries.items())
+
+    assert TomlPlaces("pyproject.toml", text).key("no", "such").span.line == 1
+    assert TomlPlaces("pyproject.toml", text).value("no", 1).span.line == 1

@@ -1,0 +1,331 @@
+"""The cache: with it or without it, a run says and makes the same; and a run in which nothing changed is short."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from typer.testing import CliRunner
+
+from codra_dsl.cli.app import app
+from codra_dsl.workspace.cache import FOLDER
+
+DOOR = """\
+codra: 1
+name: door
+include: [parts/lamp.yaml]
+context:
+  door_open: {type: bool, valid_for: 20 s}
+perception:
+  measure_door:
+    call: robot.doors:measure
+    returns: {gap: {type: float, unit: m}}
+    observable_when: [lit]
+    identifies: {door_open: gap > 40 cm}
+skills:
+  pass_door: {preview: [door_open]}
+"""
+LAMP = """\
+codra: 1
+context:
+  lit: {type: bool, source: main_execution, valid_for: 1 min}
+"""
+WINDOW = (
+    DOOR.replace("door", "window")
+    .replace("include: [parts/lamp.yaml]\n", "")
+    .replace("context:\n", "context:\n  lit: {type: bool, source: main_execution, valid_for: 1 min}\n")
+)
+FILES = {
+    "specs/door.yaml": st.sampled_from(
+        [
+            DOOR,
+            DOOR.replace("40 cm", "50 cm"),
+            DOOR + "# a comment\n",
+            DOOR.replace("context:", "context:\n  unused: {type: bool, source: main_execution}"),
+            DOOR.replace("lit", "lid"),
+            DOOR.replace("[parts/lamp.yaml]", "[parts/lump.yaml]"),
+            "codra: 1\nname: [",
+        ]
+    ),
+    "specs/window.yaml": st.sampled_from([WINDOW, WINDOW.replace("name: window", "name: door"), "no: spec\n", None]),
+    "specs/parts/lamp.yaml": st.sampled_from([LAMP, LAMP.replace("1 min", "2 min"), "", None]),
+    "robot/doors.py": st.sampled_from(["def measure(job): ...\n", "def measures(job): ...\n", "(", None]),
+    "pyproject.toml": st.sampled_from(
+        [
+            "[tool.codra]\n",
+            '[tool.codra.lint]\nignore = ["CDR7"]\n',
+            '[tool.codra.lint]\nfail-on = "warning"\n',
+            "[tool.codra.lint]\nignore = 1\n",
+        ]
+    ),
+}
+COMMANDS = st.sampled_from(
+    [
+        ["lint", "specs"],
+        ["lint", "specs/door.yaml", "--format", "json"],
+        ["lint", "specs", "--fail-on", "warning"],
+        ["compile", "specs"],
+        ["compile", "specs", "--check"],
+        ["compile", "specs/door.yaml"],
+        ["compile", "specs", "--out", "elsewhere"],
+    ]
+)
+LIBRARIES = ("jinja2", "jsonschema", "jsonschema_rs", "networkx", "yaml")
+
+
+def run(folder: Path, *arguments: str) -> tuple[int, str, str]:
+    """Run a command in a folder, in this process."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        done = CliRunner().invoke(app, arguments)
+    finally:
+        os.chdir(before)
+    return done.exit_code, done.stdout, done.stderr
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a project but what the cache keeps."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and FOLDER not in path.parts)
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+class WarmAndCold(RuleBasedStateMachine):
+    """Two projects that are always edited alike: one is compiled with the cache, the other without it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._folder = TemporaryDirectory()
+        self._warm, self._cold = (Path(self._folder.name, name, "project") for name in ("warm", "cold"))
+        for path, text in (
+            ("specs/door.yaml", DOOR),
+            ("specs/window.yaml", WINDOW),
+            ("specs/parts/lamp.yaml", LAMP),
+            ("pyproject.toml", "[tool.codra]\n"),
+        ):
+            self._write(path, text)
+
+    def teardown(self) -> None:
+        self._folder.cleanup()
+
+    def _write(self, path: str, text: str | None) -> None:
+        for project in (self._warm, self._cold):
+            file = project / path
+            if text is None:
+                file.unlink(missing_ok=True)
+            else:
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text, "utf-8")
+
+    def _outputs(self) -> list[str]:
+        made = content(self._cold)
+        return [path for path in made if path.startswith(("generated/", "elsewhere/"))]
+
+    @rule(data=st.data(), path=st.sampled_from(sorted(FILES)))
+    def edit(self, data: st.DataObject, path: str) -> None:
+        self._write(path, data.draw(FILES[path]))
+
+    @precondition(lambda self: self._outputs())
+    @rule(data=st.data(), text=st.sampled_from(["", "edited = True\n", None]))
+    def edit_output(self, data: st.DataObject, text: str | None) -> None:
+        self._write(data.draw(st.sampled_from(self._outputs())), text)
+
+    @rule(path=st.sampled_from(["generated/door/more.py", "generated/more.txt", "generated/other/own.py"]))
+    def add_output(self, path: str) -> None:
+        self._write(path, "more = True\n")
+
+    @rule(data=st.data(), path=st.sampled_from(sorted(FILES)))
+    def touch(self, data: st.DataObject, path: str) -> None:
+        """What a file holds counts, not when it was written."""
+        for project in (self._warm, self._cold):
+            if (project / path).exists():
+                time_ns = data.draw(st.integers(0, 2_000_000_000)) * 10**9
+                os.utime(project / path, ns=(time_ns, time_ns))
+
+    @rule(
+        data=st.data(),
+        text=st.sampled_from([b"", b"{", b"[]", b'{"run": 1}', b"\xff", b'{"made_with": "", "inputs": {}, "run": {}}']),
+    )
+    def damage_the_cache(self, data: st.DataObject, text: bytes) -> None:
+        kept = sorted((self._warm / FOLDER).glob("*.json"))
+        if kept:
+            data.draw(st.sampled_from(kept)).write_bytes(text)
+
+    @rule(command=COMMANDS, times=st.integers(1, 2))
+    def compare(self, command: list[str], times: int) -> None:
+        for _ in range(times):
+            assert run(self._warm, *command) == run(self._cold, *command, "--no-cache")
+
+    @invariant()
+    def both_hold_the_same(self) -> None:
+        assert content(self._warm) == content(self._cold)
+
+
+TestWarmAndCold = WarmAndCold.TestCase
+TestWarmAndCold.settings = settings(max_examples=30, stateful_step_count=20, deadline=None)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    for path, text in (("door.yaml", DOOR), ("parts/lamp.yaml", LAMP), ("pyproject.toml", "[tool.codra]\n")):
+        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).write_text(text, "utf-8")
+    return tmp_path
+
+
+WHICH = """
+import sys
+from codra_dsl.cli.app import command_line
+code = command_line()
+print(*sorted({library} & set(sys.modules)), code, file=sys.stderr)
+"""
+
+
+def imported(project: Path, *arguments: str) -> list[str]:
+    """Run a command in a process of its own and return which of the compiler's libraries it imported, and its code."""
+    done = subprocess.run(
+        [sys.executable, "-c", WHICH.format(library=set(LIBRARIES)), *arguments],
+        cwd=project,
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    return done.stderr.splitlines()[-1].split()
+
+
+@pytest.mark.parametrize("command", ["lint", "compile"])
+def test_a_run_in_which_nothing_changed_imports_no_library_of_the_compiler(project: Path, command: str) -> None:
+    first, second = imported(project, command, "door.yaml"), imported(project, command, "door.yaml")
+
+    assert "yaml" in first
+    assert second == ["0"]
+
+
+def test_a_run_is_kept_as_data_in_a_folder_that_no_repository_takes_in(project: Path) -> None:
+    run(project, "compile", "door.yaml")
+
+    assert (project / FOLDER / ".gitignore").read_text() == "*\n"
+    (kept,) = (project / FOLDER).glob("*.json")
+    assert json.loads(kept.read_text())["run"]["specs"] == ["door.yaml"]
+
+
+def test_a_run_with_errors_is_not_kept(project: Path) -> None:
+    """What it says may depend on files that are not there."""
+    (project / "door.yaml").write_text(DOOR.replace("parts/lamp", "parts/lump"))
+
+    assert run(project, "lint", "door.yaml")[0] == 1
+    assert not (project / FOLDER).exists()
+
+
+def test_without_the_cache_nothing_is_kept(project: Path) -> None:
+    run(project, "lint", "door.yaml", "--no-cache")
+
+    assert not (project / FOLDER).exists()
+
+
+def test_where_there_is_no_project_nothing_is_kept(project: Path) -> None:
+    (project / "pyproject.toml").unlink()
+
+    assert run(project, "lint", "door.yaml")[0] == 0
+    assert not (project / FOLDER).exists()
+
+
+def test_where_nothing_can_be_kept_a_run_says_the_same(project: Path) -> None:
+    expected = run(project, "lint", "door.yaml", "--no-cache")
+    (project / FOLDER).write_text("in the way")
+
+    assert run(project, "lint", "door.yaml") == expected
+
+
+@pytest.mark.parametrize("where", [FOLDER, f"{FOLDER}/.gitignore"])
+def test_nothing_is_kept_by_way_of_a_link(project: Path, where: str) -> None:
+    """A repository can hold links that lead anywhere."""
+    elsewhere = project.parent / f"{project.name}-elsewhere"
+    (project / where).parent.mkdir(exist_ok=True)
+    (project / where).symlink_to(elsewhere)
+    if where == FOLDER:
+        elsewhere.mkdir()
+
+    assert run(project, "lint", "door.yaml")[0] == 0
+
+    assert not elsewhere.is_file()
+    assert not elsewhere.is_dir() or not list(elsewhere.iterdir())
+
+
+def test_in_ci_what_was_kept_is_not_believed(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept may have come with the change that is to be judged."""
+    unused = "context:\n  unused: {type: bool, source: main_execution}\n"
+    (project / "door.yaml").write_text(DOOR.replace("context:\n", unused))
+    expected = run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    forged = json.loads(kept.read_text())
+    forged["run"]["diagnostics"] = []
+    kept.write_text(json.dumps(forged))
+    assert run(project, "lint", "door.yaml") != expected, "the cache is believed elsewhere"
+
+    monkeypatch.setenv("CI", "true")
+
+    assert run(project, "lint", "door.yaml") == expected
+
+
+def test_a_pipe_in_the_place_of_a_kept_run_is_not_waited_for(project: Path) -> None:
+    expected = run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    kept.unlink()
+    os.mkfifo(kept)
+
+    assert run(project, "lint", "door.yaml") == expected
+
+
+def test_an_older_version_of_codra_is_as_if_it_had_kept_nothing(project: Path) -> None:
+    run(project, "lint", "door.yaml")
+    (kept,) = (project / FOLDER).glob("*.json")
+    older = json.loads(kept.read_text()) | {"made_with": "an older version"}
+    kept.write_text(json.dumps(older))
+
+    assert "yaml" in imported(project, "lint", "door.yaml")
+    assert json.loads(kept.read_text()) != older
+
+
+@pytest.mark.parametrize("damage", [0, -1, 7.5, None, True, "text", [], {}, [None], [["", 1, 1, 1, 1]]])
+def test_whatever_a_kept_run_holds_there_is_no_traceback(project: Path, damage: object) -> None:
+    """Each value that is kept, one by one, is replaced by something else; the run is then as if nothing was kept."""
+    (project / "door.yaml").write_text(
+        DOOR.replace("context:", "context:\n  unused: {type: bool, source: main_execution}")
+    )
+    expected = run(project, "lint", "door.yaml", "--no-cache")
+    run(project, "lint", "door.yaml")
+    (file,) = (project / FOLDER).glob("*.json")
+    whole = json.loads(file.read_text())
+
+    for steps in paths_in(whole["run"]):
+        damaged = json.loads(json.dumps(whole))
+        holder = damaged["run"]
+        for step in steps[:-1]:
+            holder = holder[step]
+        if holder[steps[-1]] == damage or (isinstance(damage, str) and isinstance(holder[steps[-1]], str)):
+            continue  # a text for a text is another run, which nobody can tell from a true one
+        holder[steps[-1]] = damage
+        file.write_text(json.dumps(damaged))
+        code, _, told = run(project, "lint", "door.yaml")
+        assert code in (0, 1), told
+        assert "Traceback" not in told
+    file.unlink()
+    assert run(project, "lint", "door.yaml") == expected
+
+
+def paths_in(value: Any, steps: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    if steps:
+        yield steps
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield from paths_in(inner, (*steps, key))
