@@ -1,4 +1,4 @@
-# `make demo` and `make test` set up all that they need; README.md has the line for Debian's packages.
+# `make demo` and `make test` set up everything they need, including Debian packages. `APT=no` installs none.
 
 # Tests start hundreds of processes, and each would compile the whole package anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -14,29 +14,42 @@ FUZZYLITE_READY := $(FUZZYLITE)/.ready
 FUZZYLITE_PINS := benchmarks/fuzzylite-requirements.txt
 RAFCON_PINS := codra_dsl/integrations/rafcon/requirements.txt
 
-# Python itself, the shared libraries that the wheels of pygraphviz and MuJoCo link but do not bring along, and the
-# browser in which the store's page is tested.
+# Shared libraries that the wheels of pygraphviz and MuJoCo link but do not contain.
+PACKAGES := libosmesa6 libglib2.0-0 libx11-6 libxext6 libxrender1
 define PROBE
-import ctypes, shutil, sys
+import ctypes, ensurepip, venv
 
-def loads(*names):
-    try:
-        return [ctypes.CDLL(name) for name in names]
-    except OSError:
-        return []
-
+for name in ("libglib-2.0.so.0", "libgobject-2.0.so.0", "libX11.so.6", "libXext.so.6", "libXrender.so.1"):
+    ctypes.CDLL(name)
 try:
-    import ensurepip, venv
-except ImportError:
-    sys.exit(1)
-drawing = loads("libglib-2.0.so.0", "libgobject-2.0.so.0", "libX11.so.6", "libXext.so.6", "libXrender.so.1")
-clicking = loads("libatomic.so.1") and shutil.which("chromium")
-rendering = loads("libOSMesa.so.8") or loads("libEGL.so.1", "libOpenGL.so.0")
-sys.exit(not (drawing and rendering and clicking))
+    ctypes.CDLL("libOSMesa.so.8")
+except OSError:
+    ctypes.CDLL("libEGL.so.1"), ctypes.CDLL("libOpenGL.so.0")
 endef
 export PROBE
 
-.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd bench wheel clean prerequisites
+# The browser in which the store's page is tested, and a library that the test driver of browsers needs.
+BROWSER_PACKAGES := chromium libatomic1
+define BROWSER_PROBE
+import ctypes, shutil, sys
+
+ctypes.CDLL("libatomic.so.1")
+sys.exit(shutil.which("chromium") is None)
+endef
+export BROWSER_PROBE
+
+APT ?= yes
+SUDO := $(if $(filter 0,$(shell id -u)),,sudo)
+
+# Installs Debian packages: $(call install,PACKAGES). It prints the command first; sudo may ask for a password.
+define install
+    echo '$(SUDO) apt-get install --no-install-recommends $(1)' >&2; \
+    test '$(APT)' != no || { echo 'APT=no: install these packages first' >&2; exit 1; }; \
+    $(SUDO) apt-get update --quiet && \
+    $(SUDO) env DEBIAN_FRONTEND=noninteractive apt-get install --quiet --yes --no-install-recommends $(1)
+endef
+
+.PHONY: demo rafcon test lint cases mutants fuzz kills whys crowd bench wheel clean check prerequisites browser
 
 demo: $(READY)
 	$(BIN)/codra run specs/lab.yaml --world lab --naive --seed 2
@@ -46,7 +59,7 @@ rafcon: $(RAFCON_READY)
 	$(RAFCON)/bin/python -m examples.rafcon_lab --seeds 3
 
 # Many tests wait for a process or for real time: one worker more than there are cores keeps the cores busy.
-test: lint $(RAFCON_READY)
+test: browser lint $(RAFCON_READY)
 	$(BIN)/codra compile specs --check
 	$(BIN)/pytest --numprocesses $$(($$(nproc) + 1)) --dist loadfile
 	$(RAFCON)/bin/python -m pytest tests/integrations/rafcon
@@ -56,6 +69,10 @@ lint: $(READY)
 	$(BIN)/ruff format --check
 	$(BIN)/mypy --strict codra_dsl codra_papers generated
 	$(BIN)/lint-imports --no-logo
+
+# Lint, types, and the tests of the modules that changed since the branch left main.
+check: browser lint
+	$(BIN)/python -m tests.changed | xargs --no-run-if-empty $(BIN)/pytest --numprocesses auto --dist loadfile
 
 # Writes what the cases print now as what they are expected to print: read the diff before you commit it.
 cases: $(READY)
@@ -115,4 +132,7 @@ $(FUZZYLITE_READY): $(FUZZYLITE_PINS) | prerequisites
 	touch $@
 
 prerequisites:
-	@$(PYTHON) -c "$$PROBE" 2>/dev/null || { grep '^apt-get install' README.md >&2; exit 1; }
+	@$(PYTHON) -c "$$PROBE" 2>/dev/null || { $(call install,$(PACKAGES)); }
+
+browser:
+	@$(PYTHON) -c "$$BROWSER_PROBE" 2>/dev/null || { $(call install,$(BROWSER_PACKAGES)); }

@@ -133,13 +133,6 @@ def test_every_test_runs_and_none_may_fail() -> None:
     assert found == []
 
 
-def test_the_readme_has_one_line_of_system_packages() -> None:
-    """`make` prints this line and `.ci/run` runs it."""
-    lines = re.findall(r"^apt-get install .*$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
-
-    assert [line.split(" python3-venv ")[0] for line in lines] == ["apt-get install --no-install-recommends"]
-
-
 # Packaging
 
 

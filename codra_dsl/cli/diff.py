@@ -1,4 +1,4 @@
-"""`codra diff`: what it means for a robot and its programs that one version of some specs becomes another."""
+"""`codra diff`: review what a change of specs means for a robot and its programs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _SPECS = "specs"
 
 
 class DiffFormat(StrEnum):
-    """How a review is shown."""
+    """The forms in which a review is shown."""
 
     FULL = "full"
     CONCISE = "concise"
@@ -45,7 +45,7 @@ class DiffFormat(StrEnum):
 
 
 class FailOnVerdict(StrEnum):
-    """The least verdict that makes the command fail."""
+    """The mildest verdict that makes the command fail."""
 
     BREAKING = "breaking"
     CAUTION = "caution"
@@ -53,16 +53,16 @@ class FailOnVerdict(StrEnum):
 
 
 Before = Annotated[
-    str, typer.Argument(metavar="A", help="The version before: a path, else a git revision.", show_default=False)
+    str, typer.Argument(metavar="A", help="The version before: a path, or else a git revision.", show_default=False)
 ]
 After = Annotated[
-    str, typer.Argument(metavar="B", help="The version after: a path, else a git revision.", show_default=False)
+    str, typer.Argument(metavar="B", help="The version after: a path, or else a git revision.", show_default=False)
 ]
 Paths = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="PATH",
-        help="What to compare below both.  [default: the path that A or B is; of two revisions, 'specs' or everything]",
+        help="A path below both versions.  [default: the path given as A or B; of two revisions, 'specs' or all]",
         show_default=False,
     ),
 ]
@@ -70,19 +70,19 @@ FormatOption = Annotated[
     DiffFormat | None,
     typer.Option(
         "--format",
-        help="How changes are shown.  [default: full; github where GITHUB_ACTIONS is true and there is no --output]",
+        help="How changes are shown.  [default: full; github if GITHUB_ACTIONS is true and there is no --output]",
         show_default=False,
     ),
 ]
 FailOnOption = Annotated[
-    FailOnVerdict, typer.Option("--fail-on", help="The least verdict that makes the command fail.")
+    FailOnVerdict, typer.Option("--fail-on", help="The mildest verdict that makes the command fail.")
 ]
 Allow = Annotated[
     list[str] | None,
     typer.Option(
         "--allow",
         metavar="CATEGORY[:ELEMENT]",
-        help="Changes that are accepted and do not count; can be given several times.",
+        help="Accept these changes: they do not count for the verdict. Can be given several times.",
         show_default=False,
     ),
 ]
@@ -99,14 +99,14 @@ def diff_command(
     allow: Allow = None,
     color: ColourOption = Colour.AUTO,
 ) -> None:
-    """Say what a change means for a robot.
+    """Report what a change of specs means for a robot.
 
-    What became unobservable, slower, cyclic, typed otherwise or weaker guarded from A to B, with a verdict.
+    Lists what is unobservable, slower, cyclic, of another type or less guarded in B than in A, and gives a verdict.
     """
     from codra_dsl.tooling.diff import review
     from codra_dsl.tooling.revisions import RevisionError
 
-    allowed = tuple(_allowed(each) for each in allow or ())
+    allowed = tuple(_allowed(option) for option in allow or ())
     wanted = [_relative(path) for path in paths or ()]
     with ExitStack() as stack:
         try:
@@ -114,19 +114,20 @@ def diff_command(
         except RevisionError as error:
             raise typer.BadParameter(str(error), param_hint="A, B") from error
         versions = [_version(side) for side in sides]
-        _tell_about(sides[0], versions[0], color)
-        found = review(versions[0], versions[1])
-    found = replace(found, changes=tuple(_judged(change, allowed) for change in found.changes))
-    _tell_unused(allowed, found)
-    how, versions_named = _asked(format_, output), _named(sides)
-    if how is DiffFormat.GITHUB:
-        _annotate(found, versions_named, sides[1].folder, output)
+        _report_errors(sides[0], versions[0], color)
+        result = review(versions[0], versions[1])
+    result = replace(result, changes=tuple(_judged(change, allowed) for change in result.changes))
+    _report_unused(allowed, result)
+    form, shown_versions = _form(format_, output), _shown_versions(sides)
+    if form is DiffFormat.GITHUB:
+        _annotate(result, shown_versions, sides[1].folder, output)
     else:
-        write_result(_rendered(found, versions_named, how, output is None and is_coloured(color, sys.stdout)), output)
-    raise typer.Exit(ExitCode.FAILED if _fails(found.verdict, fail_on) else ExitCode.CLEAN)
+        coloured = output is None and is_coloured(color, sys.stdout)
+        write_result(_rendered(result, shown_versions, form, coloured), output)
+    raise typer.Exit(ExitCode.FAILED if _fails(result.verdict, fail_on) else ExitCode.CLEAN)
 
 
-# What is compared
+# The compared versions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,11 +135,11 @@ class _Side:
     """One version.
 
     Attributes:
-        name: as the command line has it.
-        paths: that are compared, of those that exist.
+        name: as given on the command line.
+        paths: the compared paths that exist.
         root: the project's folder.
-        shown: what stands before the paths of its files.
-        folder: of the root within the repository, for annotations on GitHub.
+        shown: the prefix of the paths of its files in the output.
+        folder: the root within the repository, for annotations on GitHub.
     """
 
     name: str
@@ -148,15 +149,15 @@ class _Side:
     folder: str
 
     def file(self, name: str) -> str:
-        """Return a file's name as it is shown."""
+        """Return the name of a file as it is shown."""
         return f"{self.shown}{name}"
 
 
 def _relative(path: str) -> PurePosixPath:
-    found = PurePosixPath(path)
-    if found.is_absolute() or not path:
+    relative = PurePosixPath(path)
+    if relative.is_absolute() or not path:
         raise typer.BadParameter(f"'{path}' must be relative: it is looked for below A and B", param_hint="PATH")
-    return found
+    return relative
 
 
 def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitStack) -> tuple[_Side, _Side]:
@@ -171,7 +172,7 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
     )
     if not first.paths and not second.paths and wanted:
         named = ", ".join(f"'{path}'" for path in wanted)
-        raise typer.BadParameter(f"there is no {named} in either version", param_hint="PATH")
+        raise typer.BadParameter(f"neither version has {named}", param_hint="PATH")
     if None not in disk and first.root != second.root:
         first = replace(first, shown=f"{os.path.relpath(first.root)}/")
         second = replace(second, shown=f"{os.path.relpath(second.root)}/")
@@ -179,7 +180,7 @@ def _sides(names: tuple[str, str], wanted: Sequence[PurePosixPath], stack: ExitS
 
 
 def _default(names: tuple[str, str]) -> tuple[Path, Sequence[PurePosixPath]]:
-    """Return what two revisions are compared in: the project's specs, else all of it."""
+    """Return the folder and the paths in which two revisions are compared: the project's specs, else the project."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
@@ -194,15 +195,15 @@ def _on_disk(name: str, path: Path, wanted: Sequence[PurePosixPath]) -> _Side:
     from codra_dsl.language.project import straight
 
     if wanted and not path.is_dir():
-        raise typer.BadParameter(f"'{name}' is no folder: there is nothing below it", param_hint="PATH")
-    paths = [path / each for each in wanted] or [path]
-    present = tuple(straight(each) for each in paths if each.exists())
+        raise typer.BadParameter(f"'{name}' is a file: leave out the paths below it", param_hint="PATH")
+    paths = [path / below for below in wanted] or [path]
+    present = tuple(straight(candidate) for candidate in paths if candidate.exists())
     root = _root(present or (path,), Path("/"))
     return _Side(name=name, paths=present, root=root, shown="", folder=folder_in_repository(root))
 
 
 def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: ExitStack) -> _Side:
-    """Return a revision, whose spec files are written to a folder that is removed when the stack is closed."""
+    """Return a revision. Its spec files are written to a folder that is removed when the stack is closed."""
     from codra_dsl.language.project import project_of
     from codra_dsl.tooling.revisions import Repository
 
@@ -214,12 +215,12 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
     kept = project if project is not None and project.is_relative_to(top) else _folder(place)
     folder = Path(os.path.realpath(stack.enter_context(tempfile.TemporaryDirectory(prefix="codra-"))))
     unread = repository.extract(commit, PurePosixPath(kept.relative_to(top)), folder)
-    paths = [place / each for each in wanted] or [place]
-    there = [folder / _within(Path(os.path.normpath(path)), top) for path in paths]
-    for path, what in unread.items():
-        if any((folder / path).is_relative_to(each) for each in there):
-            say(f"codra: {name}:{path} is {what}: not read")
-    present = tuple(path for path in there if path.exists())
+    paths = [place / below for below in wanted] or [place]
+    extracted = [folder / _within(Path(os.path.normpath(path)), top) for path in paths]
+    for path, kind in unread.items():
+        if any((folder / path).is_relative_to(compared) for compared in extracted):
+            say(f"codra: {name}:{path} is {kind}: not read")
+    present = tuple(path for path in extracted if path.exists())
     root = _root(present, folder) if present else folder
     prefix = root.relative_to(folder).as_posix()
     shown = f"{name}:" if prefix == "." or kept == top / prefix else f"{name}:{prefix}/"
@@ -227,7 +228,7 @@ def _in_revision(name: str, here: Path, wanted: Sequence[PurePosixPath], stack: 
 
 
 def _folder(place: Path) -> Path:
-    """Return the folder that specs are in, where there is no project: a path that is gone may have been either."""
+    """Return the folder that holds specs if there is no project; a path that does not exist counts as a file."""
     return place if place.is_dir() else place.parent
 
 
@@ -238,17 +239,22 @@ def _within(path: Path, top: Path) -> Path:
 
 
 def _root(paths: Sequence[Path], top: Path) -> Path:
-    """Return the folder that the files of a version are named from: their project's below a folder, else their own."""
+    """Return the folder to which the shown paths of a version are relative: the project's, else that of the files.
+
+    Args:
+        paths: the compared paths.
+        top: the folder that the project must be in.
+    """
     from codra_dsl.language.project import project_of
 
-    found = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
-    if len(found) > 1:
-        raise typer.BadParameter("these belong to several projects: take one at a time", param_hint="PATH")
+    projects = {project if project and project.is_relative_to(top) else None for project in map(project_of, paths)}
+    if len(projects) > 1:
+        raise typer.BadParameter("the paths belong to several projects: compare one at a time", param_hint="PATH")
     own = os.path.commonpath([_folder(path.absolute()) for path in paths])
-    return found.pop() or Path(own)
+    return projects.pop() or Path(own)
 
 
-# Both versions
+# Plans and errors
 
 
 def _version(side: _Side) -> Version:
@@ -259,8 +265,8 @@ def _version(side: _Side) -> Version:
     if not side.paths:
         return Version()
     planned = plan_paths(side.paths, side.root)
-    errors = [found for found in planned.diagnostics if has_errors([found]) and found.rule.name != "no-spec"]
-    taken = {found.place.span.file for found in errors if found.rule.name == "same-spec-name"}
+    errors = [finding for finding in planned.diagnostics if has_errors([finding]) and finding.rule.name != "no-spec"]
+    taken = {error.place.span.file for error in errors if error.rule.name == "same-spec-name"}
     plans = tuple(plan for plan in planned.plans if plan.checked.spec.file not in taken)
     sound = {plan.checked.spec.file for plan in plans}
     broken = list(_broken(side, [file for file in planned.specs if file not in sound], errors))
@@ -269,8 +275,8 @@ def _version(side: _Side) -> Version:
         for plan in plans
         if (own := _about(plan.checked.spec, errors))
     ]
-    told = {id(found) for each in broken for found in each.errors}
-    rest = [found for found in errors if id(found) not in told]
+    assigned = {id(error) for spec in broken for error in spec.errors}
+    rest = [error for error in errors if id(error) not in assigned]
     return Version(plans=plans, broken=(*broken, *(Broken(name=None, file=f, errors=e) for f, e in _by_file(rest))))
 
 
@@ -280,33 +286,35 @@ def _broken(side: _Side, files: Sequence[str], errors: Sequence[Diagnostic]) -> 
 
     for file in files:
         spec, _ = load_spec(side.root / file, side.root)
-        found = tuple(each for each in errors if each.place.span.file == file) if spec is None else _about(spec, errors)
-        yield Broken(name=None if spec is None else spec.name, file=file, errors=found)
+        own = (
+            tuple(error for error in errors if error.place.span.file == file) if spec is None else _about(spec, errors)
+        )
+        yield Broken(name=None if spec is None else spec.name, file=file, errors=own)
 
 
 def _about(spec: Spec, errors: Sequence[Diagnostic]) -> tuple[Diagnostic, ...]:
-    return tuple(found for found in errors if found.place.span.file in spec.files)
+    return tuple(error for error in errors if error.place.span.file in spec.files)
 
 
 def _by_file(errors: Sequence[Diagnostic]) -> Iterator[tuple[str, tuple[Diagnostic, ...]]]:
-    for file in dict.fromkeys(found.place.span.file for found in errors):
-        yield file, tuple(found for found in errors if found.place.span.file == file)
+    for file in dict.fromkeys(error.place.span.file for error in errors):
+        yield file, tuple(error for error in errors if error.place.span.file == file)
 
 
-def _tell_about(side: _Side, version: Version, colour: Colour) -> None:
-    """Tell the errors of A, which has no other way to be told of them."""
+def _report_errors(side: _Side, version: Version, colour: Colour) -> None:
+    """Write the errors of A to standard error; the review contains only those of B."""
     from codra_dsl.language.diagnostics import in_file_order
     from codra_dsl.tooling.report import findings
 
-    errors = in_file_order(found for broken in version.broken for found in broken.errors)
+    errors = in_file_order(error for broken in version.broken for error in broken.errors)
     if errors:
         palette = findings.COLOURED if is_coloured(colour, sys.stderr) else findings.PLAIN
-        named = [replace(each, place=replace(each.place, span=_shown(side, each))) for each in errors]
-        say(f"{findings.render_concise(named, palette)}{side.name} has errors: what cannot be read is not compared")
+        shown = [replace(error, place=replace(error.place, span=_shown(side, error))) for error in errors]
+        say(f"{findings.render_concise(shown, palette)}{side.name} has errors: unreadable parts are not compared")
 
 
-def _shown(side: _Side, found: Diagnostic) -> Span:
-    return replace(found.place.span, file=side.file(found.place.span.file))
+def _shown(side: _Side, error: Diagnostic) -> Span:
+    return replace(error.place.span, file=side.file(error.place.span.file))
 
 
 # The verdict
@@ -318,12 +326,12 @@ def _allowed(text: str) -> tuple[str, str]:
     category, _, element = text.partition(":")
     if category not in list(Category):
         names = ", ".join(Category)
-        raise typer.BadParameter(f"'{category}' is no category; these are {names}", param_hint="--allow")
+        raise typer.BadParameter(f"unknown category '{category}': choose one of {names}", param_hint="--allow")
     return category, element
 
 
 def _judged(change: Change, allowed: Sequence[tuple[str, str]]) -> Change:
-    return replace(change, allowed=True) if any(_accepts(each, change) for each in allowed) else change
+    return replace(change, allowed=True) if any(_accepts(option, change) for option in allowed) else change
 
 
 def _accepts(allowed: tuple[str, str], change: Change) -> bool:
@@ -331,10 +339,10 @@ def _accepts(allowed: tuple[str, str], change: Change) -> bool:
     return category == change.category and element in ("", change.element)
 
 
-def _tell_unused(allowed: Sequence[tuple[str, str]], found: Review) -> None:
-    for each in allowed:
-        if not any(_accepts(each, change) for change in found.changes):
-            say(f"codra: there is no change that --allow {':'.join(filter(None, each))} accepts")
+def _report_unused(allowed: Sequence[tuple[str, str]], review: Review) -> None:
+    for option in allowed:
+        if not any(_accepts(option, change) for change in review.changes):
+            say(f"codra: --allow {':'.join(filter(None, option))} accepts no change: remove it")
 
 
 def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
@@ -345,35 +353,35 @@ def _fails(verdict: Verdict, fail_on: FailOnVerdict) -> bool:
     return verdict is Verdict.BREAKING or (fail_on is FailOnVerdict.CAUTION and verdict is Verdict.CAUTION)
 
 
-def _named(sides: tuple[_Side, _Side]) -> Versions:
+def _shown_versions(sides: tuple[_Side, _Side]) -> Versions:
     from codra_dsl.tooling.report.changes import Versions
 
     before, after = sides
     return Versions(before=before.name, after=after.name, file_before=before.file, file_after=after.file)
 
 
-def _asked(wanted: DiffFormat | None, output: Path | None) -> DiffFormat:
+def _form(wanted: DiffFormat | None, output: Path | None) -> DiffFormat:
     if wanted is not None:
         return wanted
     on_github = output is None and os.environ.get("GITHUB_ACTIONS") == "true"
     return DiffFormat.GITHUB if on_github else DiffFormat.FULL
 
 
-def _annotate(found: Review, versions: Versions, folder: str, output: Path | None) -> None:
-    """Write annotations, and the review as Markdown to the summary of the step."""
+def _annotate(review: Review, versions: Versions, folder: str, output: Path | None) -> None:
+    """Write annotations, and add the review as Markdown to the summary of the step."""
     from codra_dsl.tooling.report.changes import render_annotations, render_markdown
 
-    write_result(render_annotations(found, folder), output)
-    append_to_summary(render_markdown(found, versions))
+    write_result(render_annotations(review, folder), output)
+    append_to_summary(render_markdown(review, versions))
 
 
-def _rendered(found: Review, versions: Versions, how: DiffFormat, coloured: bool) -> str:
+def _rendered(review: Review, versions: Versions, form: DiffFormat, coloured: bool) -> str:
     from codra_dsl.tooling.report import changes, findings
 
     palette = findings.COLOURED if coloured else findings.PLAIN
-    if how is DiffFormat.JSON:
-        return changes.render_json(found, versions)
-    if how is DiffFormat.MARKDOWN:
-        return changes.render_markdown(found, versions)
-    render = changes.render_concise if how is DiffFormat.CONCISE else changes.render_full
-    return render(found, versions, palette)
+    if form is DiffFormat.JSON:
+        return changes.render_json(review, versions)
+    if form is DiffFormat.MARKDOWN:
+        return changes.render_markdown(review, versions)
+    render = changes.render_concise if form is DiffFormat.CONCISE else changes.render_full
+    return render(review, versions, palette)

@@ -36,7 +36,7 @@ def closure(needs: Needs, start: Iterable[str]) -> tuple[str, ...]:
 def strong_components(needs: Needs) -> tuple[tuple[str, ...], ...]:
     """Return the groups of names that need each other, each group sorted, ordered by their first name.
 
-    Names that are on no cycle are left out. A name that needs only itself is a component of its own.
+    Names that are on no cycle are left out. A name that needs itself is a component even without other names.
     """
     if not needs:
         return ()

@@ -1,7 +1,7 @@
-"""What a project held in a revision: spec files out of git's objects, in a folder of their own.
+"""The spec files of a project in a revision, read from git's objects into a folder of their own.
 
-Nothing is checked out, and nothing that the repository configures is run: neither hooks nor filters, monitors, pagers
-or transports. Symbolic links and submodules are not followed.
+Nothing is checked out. No program that the repository configures is run: no hook, filter, monitor, pager or transport.
+Symbolic links and submodules are not followed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _GIT = (
     *("git", "--no-pager", "--no-replace-objects", "--literal-pathspecs"),
     *("-c", "core.fsmonitor=false", "-c", f"core.hooksPath={os.devnull}"),
 )
-# What is inherited could point git at another repository, or let it start a program.
+# Inherited variables could point git at another repository, or let it start a program.
 _CLEAN = {
     "GIT_ALLOW_PROTOCOL": "none",
     "GIT_NO_LAZY_FETCH": "1",
@@ -43,13 +43,13 @@ _SUFFIXES = (".yaml", ".yml")
 _FILE_MODES = ("100644", "100755")
 _SUBMODULE_MODE = "160000"
 _NOT_READ = {"120000": "a symbolic link", _SUBMODULE_MODE: "a submodule"}
-_INCOMPLETE = "not all files of the revision are here: fetch them (git fetch --refetch --no-filter)"
+_INCOMPLETE = "some files of the revision are missing here: fetch them (git fetch --refetch --no-filter)"
 _STEPS = re.compile(r"[~^].*")
 _WORDS = re.compile(rb"[^\s\[\],\"'/:{}#]+")
 
 
 class RevisionError(Exception):
-    """A revision cannot be read; the message says why, and the way out."""
+    """Raised when a revision cannot be read; the message has the cause and a fix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,25 +63,25 @@ class _Entry:
 
 @dataclass(frozen=True, slots=True)
 class Repository:
-    """A git repository by its working folder, or its own one where it is bare."""
+    """A git repository, by its working folder, or by its own folder if it is bare."""
 
     top: Path
 
     @staticmethod
     def around(path: Path) -> Repository:
-        """Return the repository that a path is in; the path itself need not exist.
+        """Return the repository that contains a path; the path itself need not exist.
 
         Raises:
             RevisionError: if there is none.
         """
-        folder = next(each for each in (path, *path.parents) if each.is_dir())
+        folder = next(parent for parent in (path, *path.parents) if parent.is_dir())
         is_bare = _run(("rev-parse", "--is-bare-repository"), folder).stdout == b"true\n"
         done = _run(("rev-parse", "--absolute-git-dir" if is_bare else "--show-toplevel"), folder)
         if done.returncode != 0:
             reason = os.fsdecode(done.stderr).strip().removeprefix("fatal: ").split("\n")[0]
             trust = f"; if you trust it: git config --global --add safe.directory {shlex.quote(str(folder))}"
             reason += trust if "dubious ownership" in reason else ""
-            raise RevisionError(f"'{folder}' is in no git repository that can be read: {reason}")
+            raise RevisionError(f"no git repository can be read at '{folder}': {reason}")
         return Repository(Path(os.fsdecode(done.stdout).rstrip("\n")))
 
     def commit(self, name: str) -> str:
@@ -91,43 +91,43 @@ class Repository:
             RevisionError: if there is no such revision.
         """
         if name.startswith("-"):
-            raise RevisionError(f"'{name}' is no revision: names of revisions do not begin with '-'")
+            raise RevisionError(f"'{name}' is not a revision: names of revisions do not begin with '-'")
         if ".." in name:
-            raise RevisionError(f"'{name}' is a range: name both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
+            raise RevisionError(f"'{name}' is a range: give both ends, '{re.sub('[.]{2,3}', ' ', name)}'")
         if ":" in name:
-            raise RevisionError(f"'{name}' is no revision: name the path after both versions")
-        found = self._verified(name)
-        if found is None:
-            help = self._way_out(name)
-            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({help})")
-        return found
+            raise RevisionError(f"'{name}' is not a revision: give the path after both versions")
+        commit = self._verified(name)
+        if commit is None:
+            help_ = self._help(name)
+            raise RevisionError(f"'{name}' is neither a path here nor a revision of '{self.top.name}' ({help_})")
+        return commit
 
     def _verified(self, name: str) -> str | None:
         done = _run(("rev-parse", "--verify", "--quiet", "--end-of-options", f"{name}^{{commit}}"), self.top)
         return done.stdout.decode().strip() if name and done.returncode == 0 else None
 
     def holds(self, commit: str, path: PurePath) -> bool:
-        """Return whether there is a file or folder in a commit."""
+        """Return whether a commit has a file or folder."""
         return _run(("cat-file", "-e", f"{commit}:{path.as_posix()}"), self.top).returncode == 0
 
     def changed(self, but: Path) -> Sequence[PurePosixPath]:
-        """Return what in the working folder differs from what is checked out, or is new there and not ignored.
+        """Return the files of the working folder that differ from the commit, or are new and not ignored.
 
         Args:
             but: a folder that does not count.
 
         Raises:
-            RevisionError: if git cannot tell.
+            RevisionError: if git reports an error.
         """
-        asked = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
-        done = _run((*self._without_filters(), "status", *asked), self.top)
+        options = ("--porcelain", "-z", "--no-renames", "--untracked-files=all", "--ignore-submodules=dirty")
+        done = _run((*self._without_filters(), "status", *options), self.top)
         if done.returncode != 0:
-            raise RevisionError(f"git cannot tell what was changed in '{self.top}'")
-        found = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
-        return [path for path in found if not (self.top / path).is_relative_to(but)]
+            raise RevisionError(f"git cannot list the changed files of '{self.top}'")
+        paths = (PurePosixPath(os.fsdecode(line[3:])) for line in done.stdout.split(b"\0") if line)
+        return [path for path in paths if not (self.top / path).is_relative_to(but)]
 
     def _without_filters(self) -> Iterator[str]:
-        """Yield settings by which no filter that the repository configures is run."""
+        """Yield settings that disable the filters that the repository configures."""
         done = _run(("config", "--null", "--name-only", "--get-regexp", r"^filter\."), self.top)
         for name in dict.fromkeys(os.fsdecode(done.stdout).split("\0")):
             if name.endswith((".clean", ".process")):
@@ -139,45 +139,47 @@ class Repository:
         """Write the spec files of a revision into a folder, under their paths in the repository.
 
         Args:
-            commit: its object name.
-            below: the folder within the repository that is wanted.
-            into: an empty folder that nobody else writes to.
+            commit: the object name of the commit.
+            below: the wanted folder within the repository.
+            into: an empty folder that no other process writes to.
 
         Returns:
-            What was not read and may hold specs, each with what it is: symbolic links and submodules.
+            The symbolic links and submodules that were not read and may hold specs, each with its kind.
 
         Raises:
-            RevisionError: if it holds too much, or not everything is here.
+            RevisionError: if the revision has too many files, or some files are missing here.
         """
-        found = tuple(self._entries(commit))
-        inside = [each for each in found if each.path.is_relative_to(below)]
-        wanted = [each for each in inside if each.mode in _FILE_MODES and each.path.name.endswith(_SUFFIXES)]
-        wanted += [each for each in found if each.path.name == SETTINGS and below.is_relative_to(each.path.parent)]
-        wanted += [each for each in inside if each.path.name == SETTINGS and each.path.parent != below]
+        entries = tuple(self._entries(commit))
+        inside = [entry for entry in entries if entry.path.is_relative_to(below)]
+        wanted = [entry for entry in inside if entry.mode in _FILE_MODES and entry.path.name.endswith(_SUFFIXES)]
+        wanted += [
+            entry for entry in entries if entry.path.name == SETTINGS and below.is_relative_to(entry.path.parent)
+        ]
+        wanted += [entry for entry in inside if entry.path.name == SETTINGS and entry.path.parent != below]
         written = self._write(dict.fromkeys(wanted), into)
         named = set(_included(into / entry.path for entry in written))
-        others = [each for each in inside if each.mode in _FILE_MODES and os.fsencode(each.path.name) in named]
-        self._write(dict.fromkeys(each for each in others if each not in written), into)
+        others = [entry for entry in inside if entry.mode in _FILE_MODES and os.fsencode(entry.path.name) in named]
+        self._write(dict.fromkeys(entry for entry in others if entry not in written), into)
         return {
-            each.path: _NOT_READ[each.mode]
-            for each in inside
-            if each.mode in _NOT_READ and (each.path.name.endswith(_SUFFIXES) or each.mode == _SUBMODULE_MODE)
+            entry.path: _NOT_READ[entry.mode]
+            for entry in inside
+            if entry.mode in _NOT_READ and (entry.path.name.endswith(_SUFFIXES) or entry.mode == _SUBMODULE_MODE)
         }
 
-    def _way_out(self, name: str) -> str:
+    def _help(self, name: str) -> str:
         start = _STEPS.sub("", name)
         is_too_far = start != name and self._verified(start) is not None
         if self._is_shallow() and (is_too_far or self._near(name) is None):
             return "this clone is shallow: fetch the revision first, for example with git fetch --unshallow"
         if is_too_far:
-            return f"'{start}' is one, but has no '{name.removeprefix(start)}'"
+            return f"'{start}' is a revision, but has no '{name.removeprefix(start)}'"
         near = self._near(name)
         return f"did you mean '{near}'?" if near else "name a file, a folder, a branch, a tag or a commit"
 
     def _near(self, name: str) -> str | None:
         done = _run(("for-each-ref", "--format=%(refname:short)"), self.top)
         names = ["HEAD", *os.fsdecode(done.stdout).split()]
-        remote = next((each for each in sorted(names) if each.endswith(f"/{name}")), None)
+        remote = next((branch for branch in sorted(names) if branch.endswith(f"/{name}")), None)
         return remote or suggest(name, names)
 
     def _is_shallow(self) -> bool:
@@ -195,16 +197,16 @@ class Repository:
                 yield _Entry(fields[0], fields[2], path)
 
     def _write(self, entries: Iterable[_Entry], into: Path) -> tuple[_Entry, ...]:
-        chosen = tuple(each for each in entries if each.mode in _FILE_MODES)
+        chosen = tuple(entry for entry in entries if entry.mode in _FILE_MODES)
         sizes = self._sizes(chosen) if len(chosen) <= MAX_FILES else None
         if sizes is None or sum(min(size, MAX_FILE_BYTES) for size in sizes.values()) > MAX_TOTAL_BYTES:
-            raise RevisionError("too much YAML to compare: name the specs that matter as PATH")
-        small = [each for each in chosen if sizes[each] <= MAX_FILE_BYTES]
-        for entry, data in zip(small, self._blobs([each.object_name for each in small]), strict=True):
+            raise RevisionError("too much YAML to compare: give the specs that matter as PATH")
+        small = [entry for entry in chosen if sizes[entry] <= MAX_FILE_BYTES]
+        for entry, data in zip(small, self._blobs([entry.object_name for entry in small]), strict=True):
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(data)
-        for entry in set(chosen) - set(small):  # as large, so that reading it says that it is too large
+        for entry in set(chosen) - set(small):  # a file that is too large as well, so that reading it reports this
             target = into / entry.path
             target.parent.mkdir(parents=True, exist_ok=True)
             with target.open("wb") as stream:
@@ -212,12 +214,12 @@ class Repository:
         return chosen
 
     def _sizes(self, entries: Sequence[_Entry]) -> dict[_Entry, int]:
-        names = "".join(f"{each.object_name}\n" for each in entries)
+        names = "".join(f"{entry.object_name}\n" for entry in entries)
         done = _run(("cat-file", "--batch-check=%(objectsize)"), self.top, names.encode())
         sizes = done.stdout.split(b"\n")[: len(entries)]
         if not all(size.isdigit() for size in sizes):
             raise RevisionError(_INCOMPLETE)
-        return {each: int(size) for each, size in zip(entries, sizes, strict=True)}
+        return {entry: int(size) for entry, size in zip(entries, sizes, strict=True)}
 
     def _blobs(self, object_names: Sequence[str]) -> Iterator[bytes]:
         if not object_names:
@@ -254,7 +256,7 @@ def _blob(stream: IO[bytes]) -> bytes:
 
 
 def _included(files: Iterable[Path]) -> Iterator[bytes]:
-    """Yield the words of files that name others: parts that do not end as YAML files do, and files of trees."""
+    """Yield the words of files that may include others: parts without a suffix of YAML, and files of trees."""
     for file in files:
         data = file.read_bytes()
         if b"codra" in data and (b"include" in data or b"trees" in data):

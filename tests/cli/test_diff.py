@@ -92,17 +92,17 @@ def project(tmp_path: Path) -> Path:
     return folder
 
 
-def told(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
-    found = json.loads(done.stdout)
-    assert isinstance(found, dict)
-    return found
+def result(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    parsed = json.loads(done.stdout)
+    assert isinstance(parsed, dict)
+    return parsed
 
 
 def changes(done: subprocess.CompletedProcess[str]) -> list[str]:
-    return [f"{each['category']} {each['element']}" for each in told(done)["changes"]]
+    return [f"{change['category']} {change['element']}" for change in result(done)["changes"]]
 
 
-# What is compared
+# The compared versions
 
 
 def test_a_revision_and_the_disk_are_the_same_while_nothing_has_changed(project: Path) -> None:
@@ -111,7 +111,7 @@ def test_a_revision_and_the_disk_are_the_same_while_nothing_has_changed(project:
     assert (done.returncode, done.stdout, done.stderr) == (0, "verdict: same\n", "")
 
 
-def test_a_change_on_the_disk_is_told_with_its_places_in_both_versions(project: Path) -> None:
+def test_a_change_on_the_disk_has_its_places_in_both_versions(project: Path) -> None:
     (project / "specs/door.yaml").write_text("# the front door\n" + WEAKER)
 
     done = codra("HEAD", ".", cwd=project)
@@ -135,12 +135,12 @@ def test_two_revisions_are_compared_in_the_projects_specs_from_any_folder_of_it(
     for folder in (project, project / "specs"):
         done = codra("v1", "HEAD", "--format", "json", cwd=folder)
         assert changes(done) == ["slower door/perception/measure_door"]
-        assert told(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
-        assert told(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
-        assert told(done)["latencies"] == [{"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}]
+        assert result(done)["changes"][0]["before"]["file"] == "v1:specs/door.yaml"
+        assert result(done)["changes"][0]["after"]["file"] == "HEAD:specs/door.yaml"
+        assert result(done)["latencies"] == [{"element": "door/context/door_open", "before_s": 2.0, "after_s": 3.0}]
 
 
-def test_two_revisions_without_a_folder_of_specs_are_compared_whole(tmp_path: Path) -> None:
+def test_two_revisions_without_a_folder_of_specs_are_compared_entirely(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(DOOR)
     git("init", "--quiet", cwd=tmp_path)
     commit(tmp_path, "door")
@@ -160,7 +160,7 @@ def test_paths_narrow_what_is_compared(project: Path) -> None:
     assert changes(codra("HEAD", ".", "specs/window.yaml", "--format", "json", cwd=project)) == ["added window"]
 
 
-def test_what_one_version_lacks_is_new_or_gone(project: Path) -> None:
+def test_a_spec_of_one_version_is_added_or_removed(project: Path) -> None:
     (project / "specs/door.yaml").rename(project / "specs/gate.yaml")
     (project / "specs/gate.yaml").write_text(DOOR.replace("name: door", "name: gate"))
 
@@ -168,12 +168,12 @@ def test_what_one_version_lacks_is_new_or_gone(project: Path) -> None:
     assert changes(codra("HEAD", "specs/gate.yaml", "--format", "json", cwd=project)) == ["added gate"]
 
 
-def test_an_empty_folder_is_a_version_in_which_there_is_nothing(project: Path, tmp_path: Path) -> None:
+def test_an_empty_folder_is_a_version_without_specs(project: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
 
     done = codra("../empty", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, changes(done), told(done)["verdict"]) == (0, ["added door"], "compatible")
+    assert (done.returncode, changes(done), result(done)["verdict"]) == (0, ["added door"], "compatible")
 
 
 def test_two_folders_need_no_git(tmp_path: Path) -> None:
@@ -196,10 +196,13 @@ def test_several_folders_without_a_project_are_compared_together(tmp_path: Path)
     done = codra("v1", "v2", "front", "back", "--format", "json", cwd=tmp_path)
 
     assert changes(done) == ["weaker back_door/perception/measure_door", "weaker door/perception/measure_door"]
-    assert {each["after"]["file"] for each in told(done)["changes"]} == {"v2/front/door.yaml", "v2/back/door.yaml"}
+    assert {change["after"]["file"] for change in result(done)["changes"]} == {
+        "v2/front/door.yaml",
+        "v2/back/door.yaml",
+    }
 
 
-def test_a_path_is_meant_where_a_revision_has_the_same_name(project: Path) -> None:
+def test_a_path_goes_before_a_revision_of_the_same_name(project: Path) -> None:
     (project / "main").mkdir()
     (project / "main/door.yaml").write_text(SLOWER)
 
@@ -215,10 +218,10 @@ def test_moving_elements_to_a_part_is_no_difference_to_a_robot(project: Path) ->
 
     done = codra("HEAD", "specs", "--format", "json", cwd=project)
 
-    assert (done.returncode, told(done)["verdict"], changes(done)) == (0, "compatible", ["layout door"])
+    assert (done.returncode, result(done)["verdict"], changes(done)) == (0, "compatible", ["layout door"])
 
 
-def test_parts_of_a_revision_are_read_whatever_their_names_end_with(project: Path) -> None:
+def test_parts_of_a_revision_are_read_with_any_suffix(project: Path) -> None:
     (project / "shared").mkdir()
     (project / "shared/machines.part").write_text(MACHINES)
     (project / "specs/door.yaml").write_text(
@@ -251,7 +254,7 @@ def test_ci_can_gate_on_the_verdict(project: Path, text: str, options: list[str]
     assert codra("HEAD", "specs", *options, cwd=project).returncode == code
 
 
-def test_what_was_allowed_is_shown_as_such(project: Path) -> None:
+def test_allowed_changes_are_shown_as_allowed(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WEAKER)
 
     done = codra("HEAD", "specs", "--allow", "weaker", "--format", "concise", cwd=project)
@@ -260,11 +263,11 @@ def test_what_was_allowed_is_shown_as_such(project: Path) -> None:
     assert done.stdout.endswith("verdict: same (1 allowed)\n")
 
 
-def test_what_is_allowed_in_vain_is_told(project: Path) -> None:
+def test_an_option_that_allows_no_change_is_reported(project: Path) -> None:
     done = codra("v1", "HEAD", "--allow", "weaker:door/perception/measure_dor", cwd=project)
 
     assert (done.returncode, done.stdout) == (0, "verdict: same\n")
-    assert done.stderr == "codra: there is no change that --allow weaker:door/perception/measure_dor accepts\n"
+    assert done.stderr == "codra: --allow weaker:door/perception/measure_dor accepts no change: remove it\n"
 
 
 def test_errors_in_b_are_breaking_changes(project: Path) -> None:
@@ -279,7 +282,7 @@ def test_errors_in_b_are_breaking_changes(project: Path) -> None:
     assert "[CDR3101]" in done.stdout
 
 
-def test_repairing_a_spec_breaks_nothing_and_its_old_errors_are_told_on_standard_error(project: Path) -> None:
+def test_a_repaired_spec_is_no_breaking_change_and_its_old_errors_go_to_standard_error(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WITH_ERROR)
     commit(project, "mistake")
     (project / "specs/door.yaml").write_text(DOOR)
@@ -290,7 +293,7 @@ def test_repairing_a_spec_breaks_nothing_and_its_old_errors_are_told_on_standard
     assert "HEAD:specs/door.yaml:20:15: error[CDR3101]" in done.stderr
 
 
-def test_a_file_that_cannot_be_read_as_yaml_is_the_spec_that_it_was(project: Path) -> None:
+def test_a_file_that_is_no_yaml_pairs_with_the_spec_that_it_was(project: Path) -> None:
     (project / "specs/door.yaml").write_text("codra: 1\nname: door\ncontext: {\n")
 
     assert changes(codra("HEAD", "specs", "--format", "json", cwd=project)) == ["invalid specs/door.yaml"]
@@ -299,14 +302,14 @@ def test_a_file_that_cannot_be_read_as_yaml_is_the_spec_that_it_was(project: Pat
 # Forms
 
 
-def test_json_has_all_that_the_reference_says(project: Path) -> None:
+def test_json_has_the_fields_of_the_reference(project: Path) -> None:
     (project / "specs/door.yaml").write_text(WEAKER)
 
-    found = told(codra("HEAD", "specs", "--format", "json", cwd=project))
+    review = result(codra("HEAD", "specs", "--format", "json", cwd=project))
 
-    assert list(found) == ["verdict", "before", "after", "counts", "changes", "latencies"]
-    assert found["counts"] == {"breaking": 1, "caution": 0, "compatible": 0, "allowed": 0}
-    assert found["changes"] == [
+    assert list(review) == ["verdict", "before", "after", "counts", "changes", "latencies"]
+    assert review["counts"] == {"breaking": 1, "caution": 0, "compatible": 0, "allowed": 0}
+    assert review["changes"] == [
         {
             "category": "weaker",
             "level": "breaking",
@@ -323,7 +326,7 @@ def test_json_has_all_that_the_reference_says(project: Path) -> None:
     ]
 
 
-def test_markdown_shows_what_specs_say_and_obeys_none_of_it(project: Path) -> None:
+def test_markdown_escapes_text_from_specs(project: Path) -> None:
     label = "<img src=x> | [here](http://x) @all **now**"
     (project / "specs/door.yaml").write_text(DOOR.replace("valid_for: 5 s", f"valid_for: 5 s, label: '{label}'"))
 
@@ -358,20 +361,20 @@ def test_on_github_changes_are_annotations_and_the_summary_of_the_step(project: 
     [
         (["nowhere", "specs"], "neither a path here nor a revision"),
         (["mian", "specs"], "did you mean 'main'?"),
-        (["v1..main", "specs"], "name both ends, 'v1 main'"),
-        (["main:specs", "specs"], "name the path after both versions"),
+        (["v1..main", "specs"], "give both ends, 'v1 main'"),
+        (["main:specs", "specs"], "give the path after both versions"),
         (["--", "-n", "specs"], "do not begin with '-'"),
         (["--", "--output=x", "specs"], "do not begin with '-'"),
         (["", "specs"], "neither a path"),
-        (["main", "v1", "no-such-folder"], "in either version"),
+        (["main", "v1", "no-such-folder"], "neither version has"),
         (["main", "v1", "../../.."], "outside of the repository"),
         (["main", "v1", "/etc"], "must be relative"),
-        (["specs/door.yaml", "main", "door.yaml"], "nothing below it"),
-        (["main", "specs", "--allow", "wekaer"], "no category"),
+        (["specs/door.yaml", "main", "door.yaml"], "leave out the paths below it"),
+        (["main", "specs", "--allow", "wekaer"], "unknown category"),
         (["main"], "Missing argument 'B'"),
     ],
 )
-def test_a_mistake_of_usage_exits_with_2_and_says_the_way_out(project: Path, arguments: list[str], hint: str) -> None:
+def test_a_usage_error_exits_with_2_and_a_hint(project: Path, arguments: list[str], hint: str) -> None:
     done = codra(*arguments, cwd=project)
 
     assert (done.returncode, done.stdout) == (2, "")
@@ -385,11 +388,11 @@ def test_a_branch_that_only_the_remote_has_is_suggested(project: Path) -> None:
     assert "did you mean 'origin/feature'?" in codra("feature", "specs", cwd=project).stderr
 
 
-def test_a_history_that_is_too_short_is_told_as_such(project: Path, tmp_path: Path) -> None:
+def test_a_history_that_is_too_short_is_reported(project: Path, tmp_path: Path) -> None:
     commit(project, "again")
     git("clone", "--quiet", "--depth=1", project.as_uri(), "shallow", cwd=tmp_path)
 
-    assert "('HEAD' is one, but has no '~7')" in codra("HEAD~7", "HEAD", cwd=project).stderr
+    assert "('HEAD' is a revision, but has no '~7')" in codra("HEAD~7", "HEAD", cwd=project).stderr
     assert "git fetch --unshallow" in codra("HEAD~1", "HEAD", cwd=tmp_path / "shallow").stderr
 
 
@@ -422,7 +425,7 @@ def test_a_bare_repository_has_revisions_as_well(project: Path, tmp_path: Path) 
     assert changes(done) == ["weaker door/perception/measure_door"]
 
 
-def test_a_submodule_in_a_revision_is_told_once_and_not_read(project: Path, tmp_path: Path) -> None:
+def test_a_submodule_in_a_revision_is_reported_and_not_read(project: Path, tmp_path: Path) -> None:
     git("init", "--quiet", "--initial-branch=main", "outer", cwd=tmp_path)
     outer = tmp_path / "outer"
     git("-c", "protocol.file.allow=always", "submodule", "--quiet", "add", str(project), "robot", cwd=outer)
@@ -434,7 +437,7 @@ def test_a_submodule_in_a_revision_is_told_once_and_not_read(project: Path, tmp_
     assert done.stderr == "codra: HEAD:robot is a submodule: not read\ncodra: main^0:robot is a submodule: not read\n"
 
 
-def test_a_revision_outside_of_every_repository_has_a_way_out(tmp_path: Path) -> None:
+def test_a_revision_outside_of_every_repository_is_a_usage_error(tmp_path: Path) -> None:
     (tmp_path / "door.yaml").write_text(DOOR)
 
     done = codra("HEAD", ".", cwd=tmp_path, GIT_CEILING_DIRECTORIES=str(tmp_path.parent))
@@ -443,14 +446,14 @@ def test_a_revision_outside_of_every_repository_has_a_way_out(tmp_path: Path) ->
     assert "no git repository" in " ".join(done.stderr.split())
 
 
-def test_without_git_a_revision_has_a_way_out(project: Path) -> None:
+def test_a_revision_without_git_is_a_usage_error(project: Path) -> None:
     done = codra("HEAD", "specs", cwd=project, PATH="")
 
     assert done.returncode == 2
     assert "git is not installed" in " ".join(done.stderr.split())
 
 
-# What a repository may try
+# Hostile repositories
 
 
 def test_nothing_that_a_repository_configures_is_run(project: Path, tmp_path: Path) -> None:
@@ -490,7 +493,7 @@ def test_links_in_a_revision_are_not_followed(project: Path, tmp_path: Path) -> 
 
     done = codra("HEAD", "v1", "--format", "json", cwd=project)
 
-    assert told(done)["verdict"] == "same"
+    assert result(done)["verdict"] == "same"
     assert "HEAD:specs/secret.yaml is a symbolic link: not read" in done.stderr
 
 
@@ -509,7 +512,7 @@ def test_paths_in_a_tree_never_lead_out_of_the_private_folder(project: Path, tmp
 
 
 def tree(folder: Path, name: bytes, object_name: str, mode: bytes) -> str:
-    """A tree as only a program with bad intentions writes it."""
+    """Write a tree that git itself would refuse to write."""
     data = mode + b" " + name + b"\0" + bytes.fromhex(object_name)
     return git("hash-object", "-t", "tree", "-w", "--literally", "--stdin", cwd=folder, stdin=data)
 

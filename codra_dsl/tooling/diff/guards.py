@@ -1,7 +1,7 @@
-"""How two guards relate, and whether two conditions or values mean the same: as far as `check` can tell.
+"""The comparison of guards, conditions and values by meaning, as far as `check` can decide it.
 
-A guard is a list of conditions that must all be certainly true. What is said to follow does; what cannot be decided is
-another guard.
+A guard is a list of conditions that must all be certainly true. If one guard is reported to follow from another, it
+does; if that cannot be decided, the relation is `OTHER`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from codra_dsl.language.model import Kind, ValueType
 
 
 class Relation(StrEnum):
-    """What became of a guard."""
+    """How a guard has changed."""
 
     SAME = "same"
     WEAKER = "weaker"
@@ -27,12 +27,14 @@ class Relation(StrEnum):
 
 
 def relation(old: Sequence[Node], new: Sequence[Node], types: Types) -> Relation:
-    """Return what became of a guard, each given as conditions that must all be true.
+    """Return how a guard has changed.
+
+    A condition that is a path, or has a name without a type, is compared by its text only.
 
     Args:
         old: the conditions before.
         new: the conditions after.
-        types: what each name can be in either version, as `either` gives it.
+        types: the types of names in both versions, as `either` returns them.
     """
     before, after = ({normal_text(tree): tree for tree in side} for side in (old, new))
     lost, gained = before.keys() - after.keys(), after.keys() - before.keys()
@@ -73,20 +75,20 @@ def equal(one: Node, other: Node, types: Types) -> bool:
 
 
 def same_choice(one: Sequence[tuple[str, Node]], other: Sequence[tuple[str, Node]], types: Types) -> bool:
-    """Return whether the first condition that holds always names the same member, those before it being false."""
-    chosen, theirs = _choices(one), _choices(other)
-    members = dict.fromkeys((*chosen, *theirs))
-    return all(relation([_any(chosen, each)], [_any(theirs, each)], types) is Relation.SAME for each in members)
+    """Return whether two lists of cases always choose the same member: that of the first condition that holds."""
+    choices = _choices(one), _choices(other)
+    guards = ([_any(side, member) for side in choices] for member in {**choices[0], **choices[1]})
+    return all(relation([before], [after], types) is Relation.SAME for before, after in guards)
 
 
 def _choices(cases: Iterable[tuple[str, Node]]) -> Mapping[str, list[Node]]:
-    """Return for each member the conditions under which it is the first."""
-    found: dict[str, list[Node]] = {}
+    """Return for each member the conditions under which it is chosen."""
+    choices: dict[str, list[Node]] = {}
     before: tuple[Node, ...] = ()
     for member, condition in cases:
-        found.setdefault(member, []).append(And(operands=(*before, condition), start=0, end=0))
+        choices.setdefault(member, []).append(And(operands=(*before, condition), start=0, end=0))
         before = (*before, Not(operand=condition, start=0, end=0))
-    return found
+    return choices
 
 
 def _any(choices: Mapping[str, list[Node]], member: str) -> Node:
@@ -102,7 +104,7 @@ def same_value(one: Node, other: Node, types: Types) -> bool:
     if any(types.get(name) is None for name in names_of([one, other])):
         return False
     both = _equals(one, other)
-    return all(implies([_equals(each, each)], [both], types) for each in (one, other))
+    return all(implies([_equals(node, node)], [both], types) for node in (one, other))
 
 
 def _equals(one: Node, other: Node) -> Node:
@@ -110,18 +112,18 @@ def _equals(one: Node, other: Node) -> Node:
 
 
 def either(old: Mapping[str, ValueType], new: Mapping[str, ValueType]) -> Types:
-    """Return what each name can be in either version: nothing that can be told, where these have nothing in common."""
+    """Return for each name a type that holds its values in both versions; None if there is no such type."""
     return {name: _joined(old.get(name), new.get(name)) for name in dict.fromkeys((*old, *new))}
 
 
 def _joined(old: ValueType | None, new: ValueType | None) -> Type | None:
-    types = [found for each in (old, new) if each is not None and (found := declared_type(each)) is not None]
+    types = [known for side in (old, new) if side is not None and (known := declared_type(side)) is not None]
     if len(types) < 2:
         return types[0] if types else None
     one, other = types
     if one.numeric and other.numeric:
-        whole = one.kind is other.kind is Kind.INT and one.unit == other.unit
-        return replace(one, kind=Kind.INT if whole else Kind.FLOAT, range=_joined_ranges(one, other))
+        is_int = one.kind is other.kind is Kind.INT and one.unit == other.unit
+        return replace(one, kind=Kind.INT if is_int else Kind.FLOAT, range=_joined_ranges(one, other))
     if {one.kind, other.kind} == {Kind.STR, Kind.ENUM}:
         return Type(Kind.STR)
     values = dict.fromkeys((*one.values, *other.values))

@@ -20,13 +20,6 @@ def variables(scope: Scope, key: str, old: Sequence[Variable], new: Sequence[Var
     yield from _aliases(scope)
 
 
-def node(scope: Scope, _: str, old: str, new: str) -> Iterator[Change]:
-    """Yield whether a variable is at another node; with knowledge, agents name the variable with its node."""
-    if old != new:
-        is_named = any(side.spec.knows for side in scope.pair.sides)
-        yield scope.change(Category.API if is_named else Category.LAYOUT, "of", "belongs to another node", old, new)
-
-
 def _successor(pair: Pair, old: Variable) -> str | None:
     """Return the new variable of the same type that the same algorithm identifies, or that has a similar name."""
     same_type = [name for name in sorted(pair.gained) if pair.new.variables[name].type == old.type]
@@ -43,9 +36,10 @@ def _producers(scope: Scope) -> Iterator[Change]:
     for name in pair.old.variables:
         before = [pair.algorithms.get(old, f"-{old}") for old in pair.old.producers.get(name, ())]
         after = pair.new.producers.get(name, ())
-        if name in pair.one_sided or before == [*after] or after in orders:
+        is_order = {*before} == {*after}
+        if name in pair.one_sided or before == [*after] or (is_order and after in orders):
             continue
-        if {*before} == {*after}:
+        if is_order:
             orders.add(after)
         category, message = _of_producers(before, [*after])
         was, now = (", ".join(one.removeprefix("-") for one in side) or "no algorithm" for side in (before, after))

@@ -29,7 +29,12 @@ _KEYS = {
     "origins": "from",
     "parameters": "with",
     "rate": "rate_of",
-} | {"sources": "source", "targets": "to", "values": "with", "variable": "set", "within": "in"}
+    "sources": "source",
+    "targets": "to",
+    "values": "with",
+    "variable": "set",
+    "within": "in",
+}
 """The keys of fields that are not named after their key; only messages and places need them."""
 
 
@@ -54,14 +59,15 @@ class Scope:
 
     def changes(self, skip: frozenset[str] = frozenset()) -> Iterator[Change]:
         """Yield the changes of all fields but some."""
-        old, new = self.values
+        new = self.values[1]
         classes = (cls for cls in reversed(type(new).__mro__) if cls in self.table)
         comparers = {name: compare for cls in classes for name, compare in self.table[cls].items()}
         for field in fields(new):
             if field.compare and field.name not in skip:
-                default = _time_by_default if field.name.endswith("_s") else by_default
-                compare = comparers.get(field.name, default)
-                yield from compare(self, _key(field.name), getattr(old, field.name), getattr(new, field.name))
+                before, after = (getattr(value, field.name) for value in self.values)
+                is_time = field.name.endswith("_s") and float in {type(before), type(after)}
+                compare = comparers.get(field.name, differs(show=seconds) if is_time else by_default)
+                yield from compare(self, _key(field.name), before, after)
 
     def element(self, kind: str, name: str, old: Any, new: Any) -> Scope:
         """Return the scope of an element of the spec."""
@@ -167,9 +173,6 @@ def by_default(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
         yield from differs()(scope, key, old, new)
 
 
-_time_by_default = differs(show=seconds)
-
-
 def elements(
     kind: str, noun: str | None = None, successor: Callable[[Pair, Any], str | None] | None = None
 ) -> Comparer:
@@ -209,8 +212,7 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
 
     Args:
         noun: the entry in messages; if it is empty, removed and added entries are not reported.
-        wording: gives what is reported of an entry that only one version has, with `{}` for its name. Its argument is the
-            entry in B.
+        wording: gives the report for an entry that only one version has, from the entry in B, with `{}` for its name.
     """
 
     def compare(scope: Scope, key: str, old: Any, new: Any) -> Iterator[Change]:
@@ -220,7 +222,8 @@ def entries(noun: str, wording: Callable[[Any], Wording] | None = None) -> Compa
                 yield from scope.inner(f"{key}.{name}", before, after).changes()
             elif noun:
                 category, message = wording(after) if wording else usual
-                yield scope.change(category, f"{key}.{name}", message.format(name))
+                types = (text_of(getattr(entry, "type", None)) for entry in (before, after))
+                yield scope.change(category, f"{key}.{name}", message.format(name), *types)
 
     return compare
 
@@ -260,7 +263,9 @@ def text_of(value: Any) -> str:
     match value:
         case Reference():
             return value.name
-        case Condition() | Phrase() | FuzzyTerm():
+        case FuzzyTerm():
+            return f"{value.name}: {value.text}"
+        case Condition() | Phrase():
             return value.text
         case ValueType():
             unit = "" if value.unit is None else f" in {value.unit}"
@@ -269,11 +274,16 @@ def text_of(value: Any) -> str:
         case None | Place() | Mapping():
             return ""
         case tuple():
-            texts = (map(text_of, entry) if isinstance(entry, tuple) else (text_of(entry),) for entry in value)
-            return ", ".join(": ".join(text) for text in texts)
+            return ", ".join(
+                ": ".join(map(text_of, entry)) if isinstance(entry, tuple) else text_of(entry) for entry in value
+            )
         case _ if is_dataclass(value):
-            parts = ((_key(field.name), text_of(getattr(value, field.name))) for field in fields(value))
-            return f"({', '.join(f'{key}: {text}' for key, text in parts if text)})"
+            shown = ((field.name, getattr(value, field.name)) for field in fields(value))
+            texts = (
+                (_key(name), seconds(part) if name.endswith("_s") and isinstance(part, float) else text_of(part))
+                for name, part in shown
+            )
+            return f"({', '.join(f'{key}: {text}' for key, text in texts if text)})"
         case bool():
             return str(value).lower()
         case float():

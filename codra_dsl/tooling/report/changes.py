@@ -1,6 +1,6 @@
-"""What a review says, as text for people, a line each, Markdown, annotations on GitHub, and JSON.
+"""Reviews as text for people, as one line per change, as Markdown, as annotations on GitHub, and as JSON.
 
-Text that comes from specs is shown, never obeyed.
+Text from specs is escaped, so that no terminal, Markdown or workflow command is executed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from codra_dsl.tooling.report.findings import PLAIN, Palette, as_json, as_markdo
 from codra_dsl.tooling.report.github import render_github
 
 ShownFile = Callable[[str], str]
-"""Gives the name under which a file is shown: that of a revision's has the revision in it."""
+"""Returns the name under which a file is shown; the name of a file in a revision contains the revision."""
 
 _ALLOWED = "allowed"
 _MAX_ROWS = 200
@@ -23,11 +23,11 @@ _MAX_ROWS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Versions:
-    """What was compared.
+    """The compared versions.
 
     Attributes:
-        before: how A was named on the command line; `after` how B was.
-        file_before: gives the name of a file of A as it is shown; `file_after` that of a file of B.
+        before: the name of A on the command line; `after` is that of B.
+        file_before: returns the name of a file of A as it is shown; `file_after` that of a file of B.
     """
 
     before: str
@@ -37,14 +37,14 @@ class Versions:
 
 
 def render_full(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
-    """Return each change with what was, what is, and where."""
-    told = ["\n".join(_paragraph(change, versions, palette)) + "\n" for change in review.changes]
-    told += ["\n".join(_times(review.latencies)) + "\n"] if review.latencies else []
-    return "\n".join([*told, _verdict(review) + "\n"])
+    """Return each change with its values and places in A and B."""
+    paragraphs = ["\n".join(_paragraph(change, versions, palette)) + "\n" for change in review.changes]
+    paragraphs += ["\n".join(_times(review.latencies)) + "\n"] if review.latencies else []
+    return "\n".join([*paragraphs, _verdict(review) + "\n"])
 
 
 def render_concise(review: Review, versions: Versions, palette: Palette = PLAIN) -> str:
-    """Return changes one a line, then the verdict."""
+    """Return one line per change, then the verdict."""
     lines = [_line(change, versions, palette) for change in review.changes]
     return "".join(f"{line}\n" for line in [*lines, _verdict(review)])
 
@@ -62,14 +62,19 @@ def render_markdown(review: Review, versions: Versions) -> str:
     if review.latencies:
         lines += ["**worst time from declared to known**", "", "| variable | before | after |", "| --- | --- | --- |"]
         lines += [
-            f"| {as_markdown(each.element)} | {each.before_s:.10g} s | {each.after_s:.10g} s |"
-            for each in review.latencies[:_MAX_ROWS]
+            f"| {as_markdown(latency.element)} | {latency.before_s:.10g} s | {latency.after_s:.10g} s |"
+            for latency in review.latencies[:_MAX_ROWS]
         ]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
 def render_annotations(review: Review, folder: str = "") -> str:
-    """Return a review as workflow commands of GitHub, the rest as lines of the log; `folder` as for findings."""
+    """Return a review as workflow commands of GitHub; compatible and allowed changes are lines of the log.
+
+    Args:
+        review: the review.
+        folder: the folder of the project within the repository.
+    """
     judged = (change for change in review.changes if change.level is not Level.COMPATIBLE and not change.allowed)
     commands = render_github([_finding(change) for change in judged], folder)
     plain = Versions(before="", after="", file_before=str, file_after=str)
@@ -80,28 +85,29 @@ def render_annotations(review: Review, folder: str = "") -> str:
 
 def render_json(review: Review, versions: Versions) -> str:
     """Return a review as one JSON object."""
-    told = {
+    result = {
         "verdict": review.verdict.value,
         "before": versions.before,
         "after": versions.after,
         "counts": _counts(review),
         "changes": [_object(change, versions) for change in review.changes],
         "latencies": [
-            {"element": each.element, "before_s": each.before_s, "after_s": each.after_s} for each in review.latencies
+            {"element": latency.element, "before_s": latency.before_s, "after_s": latency.after_s}
+            for latency in review.latencies
         ],
     }
-    return as_json(told, indent=2) + "\n"
+    return as_json(result, indent=2) + "\n"
 
 
 def _paragraph(change: Change, versions: Versions, palette: Palette) -> Iterator[str]:
     yield f"{_headline(change, palette)}: {palette.place}{visible(change.element)}{palette.end}"
     yield f"  {visible(change.message)}"
-    told = (
+    values = (
         ("was", change.was, _shown(change.before, versions.file_before)),
         ("is", change.now, _shown(change.after, versions.file_after)),
     )
-    width = max(len(visible(value or "")) for _, value, _ in told)
-    for word, value, place in told:
+    width = max(len(visible(value or "")) for _, value, _ in values)
+    for word, value, place in values:
         if place or value is not None:
             text = f"{visible(value or ''):{width}}  " if width else ""
             yield f"    {word:3} {text}{palette.gutter}{place}{palette.end}".rstrip()
@@ -134,8 +140,8 @@ def _shown(place: Place | None, file: ShownFile) -> str:
 
 def _times(latencies: Sequence[Latency]) -> Iterator[str]:
     yield "worst time from declared to known"
-    for each in latencies:
-        yield f"  {visible(each.element)}: was {each.before_s:.10g} s, is {each.after_s:.10g} s"
+    for latency in latencies:
+        yield f"  {visible(latency.element)}: was {latency.before_s:.10g} s, is {latency.after_s:.10g} s"
 
 
 def _verdict(review: Review) -> str:
@@ -144,8 +150,8 @@ def _verdict(review: Review) -> str:
 
 
 def _counts(review: Review) -> dict[str, int]:
-    found = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
-    return {name: found[name] for name in (*(level.value for level in Level), _ALLOWED)}
+    numbers = Counter(_ALLOWED if change.allowed else change.level.value for change in review.changes)
+    return {name: numbers[name] for name in (*(level.value for level in Level), _ALLOWED)}
 
 
 def _counted(review: Review) -> str:
@@ -159,7 +165,7 @@ def _row(change: Change, versions: Versions) -> str:
 
 
 def _finding(change: Change) -> Diagnostic:
-    """Return a change as what annotations are made of."""
+    """Return a change as a finding, from which annotations are rendered."""
     severity = Severity.ERROR if change.level is Level.BREAKING else Severity.WARNING
     place = change.after or change.before or Place(Span("-", 1, 1, 1, 1))
     rule = Rule(code="codra diff", name=change.category.value, severity=severity)

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from codra_papers.experiments.campaign.document import Document
 
 FIRST_REPORTED_SEED = 301
-"""Thresholds were tuned on seeds 1 to 5, and 101 to 130 are known (docs/explanation/protocol.md)."""
+"""Thresholds were tuned on seeds 1 to 5, and 101 to 130 are known (docs/papers/protocol.md)."""
 
 
 class World(StrEnum):

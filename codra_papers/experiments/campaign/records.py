@@ -21,7 +21,7 @@ _LIBRARIES = frozenset({"numpy", "mujoco", "opencv-python-headless", "opencv-pyt
 """What a frame, what is seen in it, and ways in the store are computed with."""
 
 
-_PACKAGES = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
+PACKAGES = (Path(codra_dsl.__file__).parent, Path(codra_papers.__file__).parent)
 
 
 class ChangedMeanwhileError(Exception):
@@ -114,7 +114,7 @@ def _digest_of_trial(trial: AnyTrial, spec_digest: str) -> str:
 @cache
 def code_digest() -> str:
     """Return a digest of the code of both packages, on which an outcome can depend."""
-    digests = (_digest_of(package, _code_files(package)) for package in _PACKAGES)
+    digests = (_digest_of(package, _code_files(package)) for package in PACKAGES)
     return sha256("\n".join(digests).encode()).hexdigest()
 
 

@@ -79,7 +79,7 @@ stories:
         (moment("main_execution: {act: [open_fridge]}"), "skill 'open_fridge' is not under way"),
         (
             moment("main_execution: {begin: [open_fridge], set: {}, end: [open_fridge, open_fridge]}"),
-            "the text 'open_fridge' stands twice in 'end' in 'main_execution' of timeline 'kitchen'",
+            "the text 'open_fridge' occurs twice in 'end' in 'main_execution' of timeline 'kitchen'",
         ),
         (moment("resources: {vision: {a: 1}}"), "spec 'kitchen' has no handle 'vision'"),
         (

@@ -192,7 +192,7 @@ CELLS = ((PCR_CYCLER, 0.8, 30), (PCR_CYCLER, 2.0, 45), (CENTRIFUGE, 1.3, 60), (C
 
 
 def test_the_declared_map_of_detection_error_is_what_is_measured(tmp_path: Path) -> None:
-    declared = read_table(ROOT / "docs" / "explanation" / "detection-map.csv")
+    declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     measured = [row for row in table(views(CELLS)) if row.about == "tag"]
     write_table(measured, tmp_path / "part.csv")
 
@@ -202,7 +202,7 @@ def test_the_declared_map_of_detection_error_is_what_is_measured(tmp_path: Path)
 
 
 def test_the_map_has_a_row_for_each_distance_and_angle_that_the_room_has_place_for() -> None:
-    declared = read_table(ROOT / "docs" / "explanation" / "detection-map.csv")
+    declared = read_table(ROOT / "docs" / "papers" / "detection-map.csv")
     tags = [row for row in declared if row["about"] == "tag"]
 
     assert set(declared[0]) == set(Row.__dataclass_fields__)
@@ -215,7 +215,7 @@ def test_the_map_has_a_row_for_each_distance_and_angle_that_the_room_has_place_f
 
 
 def rows_of_the_page() -> list[list[str]]:
-    page = (ROOT / "docs" / "explanation" / "protocol.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "papers" / "protocol.md").read_text(encoding="utf-8")
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")]
 
 

@@ -55,7 +55,7 @@ def test_a_quaternion_of_another_length_is_made_a_unit_one_and_arrays_stay_what_
 
 def test_a_pose_is_not_asked_for_at_nan() -> None:
     frames = Frames().with_pose("robot", "world", Pose(), 0.0).with_pose("robot", "world", Pose(), 1.0)
-    with pytest.raises(ValueError, match="at an instant, not at NaN"):
+    with pytest.raises(ValueError, match="the instant of a transform must not be NaN"):
         frames.transform("world", "robot", math.nan)
 
 

@@ -1,4 +1,4 @@
-"""What a review tells beyond the forty edits: each further key, names in the package, whole specs."""
+"""Changes beyond the edits of `edits.yaml`: further keys, names in the package, and whole specs."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ observers:
 """
 
 
-def told(found: Review) -> list[str]:
-    return sorted(f"{change.category} {change.element}" for change in found.changes)
+def changes(result: Review) -> list[str]:
+    return sorted(f"{change.category} {change.element}" for change in result.changes)
 
 
 @pytest.mark.parametrize(
@@ -136,45 +136,47 @@ def told(found: Review) -> list[str]:
         ('mode in ("grill", "bake")', 'mode != "off"', []),
     ],
 )
-def test_each_key_is_told_as_what_it_does_to_a_robot(old: str, new: str, expected: list[str] | None) -> None:
-    if expected is None:  # what identifies it has no unit: B is no spec that can be planned
+def test_a_change_of_a_key_has_the_category_of_its_effect_on_a_robot(
+    old: str, new: str, expected: list[str] | None
+) -> None:
+    if expected is None:  # its identification has no unit, so there is no plan of B
         assert has_errors(plan_text(BASE.replace(old, new), "oven.yaml", ROOT / "tests").diagnostics)
     else:
-        assert told(reviewed(BASE, (old, new))) == sorted(expected)
+        assert changes(reviewed(BASE, (old, new))) == sorted(expected)
 
 
-def test_an_observer_is_not_told_of_where_its_algorithm_is() -> None:
+def test_a_renamed_algorithm_does_not_rename_its_observer_as_well() -> None:
     """Its name follows from the algorithm's."""
-    found = reviewed(BASE, ("  watch:\n", "  look:\n"))
+    result = reviewed(BASE, ("  watch:\n", "  look:\n"))
 
-    assert told(found) == ["renamed oven/perception/look"]
+    assert changes(result) == ["renamed oven/perception/look"]
 
 
-def test_algorithms_that_take_the_place_of_others_are_held_to_the_same_guard() -> None:
+def test_guards_are_compared_with_those_of_replaced_algorithms() -> None:
     other = ("  smell:\n    call: oven.nose:smell\n", "  taste:\n    call: oven.mouth:taste\n")
     guard = ('mode in ("grill", "bake")', "known(mode)")
 
     replaced = ["perceived-otherwise oven/context/crust", "renamed oven/observer/taste"]
-    assert told(reviewed(BASE, other)) == replaced
-    assert told(reviewed(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
+    assert changes(reviewed(BASE, other)) == replaced
+    assert changes(reviewed(BASE, other, guard)) == [*replaced, "weaker oven/perception/taste"]
 
 
-def test_an_alternative_that_goes_first_changes_what_is_perceived() -> None:
+def test_a_new_first_alternative_changes_what_is_perceived() -> None:
     new = (
         "  ask:\n    call: oven.radio:ask\n    returns:\n"
         "      dial: {type: enum, values: [off, grill, bake]}\n    identifies:\n      mode: dial\n"
     )
 
-    assert "perceived-otherwise oven/context/mode" in told(reviewed(BASE, ("  smell:\n", f"{new}  smell:\n")))
+    assert "perceived-otherwise oven/context/mode" in changes(reviewed(BASE, ("  smell:\n", f"{new}  smell:\n")))
 
 
-def test_the_name_that_the_package_gives_to_an_enum_is_told_when_it_goes() -> None:
+def test_a_lost_name_of_an_enum_in_the_package_is_reported() -> None:
     head, rest = (
         "  mode: {type: enum, values: [off, grill, bake], valid_for: 1 min}\n",
         "  wish: {type: enum, values: [off, grill, bake], source: main_execution}\n",
     )
 
-    assert told(reviewed(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
+    assert changes(reviewed(BASE, (head + rest, rest + head))) == ["api oven/context/mode"]
 
 
 @pytest.mark.parametrize("name", ["lab", "kitchen"])
@@ -194,23 +196,23 @@ def test_the_names_of_enums_are_those_of_the_generated_package(name: str) -> Non
 
 
 def test_a_spec_under_a_new_name_is_recognised_in_the_message() -> None:
-    found = review(planned(BASE), planned(BASE.replace("name: oven", "name: ovens")))
+    result = review(planned(BASE), planned(BASE.replace("name: oven", "name: ovens")))
 
-    (removed,) = (change for change in found.changes if change.category is Category.REMOVED)
+    (removed,) = (change for change in result.changes if change.category is Category.REMOVED)
     assert "'ovens' looks like its new name" in removed.message
 
 
 def test_a_renamed_variable_is_recognised_by_its_algorithm() -> None:
-    found = reviewed(
+    result = reviewed(
         BASE,
         ("  crust: {", "  browning: {"),
         ("      crust: burnt", "      browning: burnt"),
         ("wish, crust]", "wish, browning]"),
     )
 
-    (removed,) = (change for change in found.changes if change.category is Category.REMOVED)
+    (removed,) = (change for change in result.changes if change.category is Category.REMOVED)
     assert "'browning' looks like its new name" in removed.message
-    assert told(found) == ["added oven/context/browning", "removed oven/context/crust"]
+    assert changes(result) == ["added oven/context/browning", "removed oven/context/crust"]
 
 
 def test_the_verdict_is_that_of_the_worst_change_and_every_category_has_a_level() -> None:
@@ -220,8 +222,8 @@ def test_the_verdict_is_that_of_the_worst_change_and_every_category_has_a_level(
     assert review(planned(BASE), Version()).verdict is Verdict.BREAKING
 
 
-def test_a_comparison_turned_around_turns_its_words_around() -> None:
-    """What was weaker is stronger, what was slower faster, and nothing is only told one way."""
+def test_a_reversed_comparison_has_the_opposite_categories() -> None:
+    """Weaker becomes stronger, slower becomes faster, and every change is reported both ways."""
     opposite = {"weaker": "stronger", "slower": "faster", "added": "removed", "widened": "narrowed"}
     opposite |= {other: one for one, other in opposite.items()}
     edits = [
@@ -237,16 +239,16 @@ def test_a_comparison_turned_around_turns_its_words_around() -> None:
 
     forth, back = review(planned(BASE), planned(text)), review(planned(text), planned(BASE))
 
-    assert sorted(opposite[each.category] + each.element for each in forth.changes) == sorted(
-        each.category + each.element for each in back.changes
+    assert sorted(opposite[change.category] + change.element for change in forth.changes) == sorted(
+        change.category + change.element for change in back.changes
     )
 
 
 def broken(name: str | None, code: str = "CDR4101") -> Broken:
     rule = Rule(code=code, name="x", severity=Severity.ERROR)
     place = Place(Span("spec.yaml", 3, 1, 3, 2))
-    found = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
-    return Broken(name=name, file="spec.yaml", errors=(found,))
+    error = Diagnostic(rule=rule, message="wrong", place=place, path="perception.feel.accept_when", help="x")
+    return Broken(name=name, file="spec.yaml", errors=(error,))
 
 
 @pytest.mark.parametrize(
@@ -269,5 +271,5 @@ def broken(name: str | None, code: str = "CDR4101") -> Broken:
         (Version(plans=planned(BASE).plans, broken=(broken("oven"),)), planned(BASE), []),
     ],
 )
-def test_specs_with_errors_are_told_once(before: Version, after: Version, expected: list[str]) -> None:
-    assert told(review(before, after)) == expected
+def test_the_errors_of_a_spec_are_reported_once(before: Version, after: Version, expected: list[str]) -> None:
+    assert changes(review(before, after)) == expected

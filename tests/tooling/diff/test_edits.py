@@ -1,4 +1,4 @@
-"""Forty and more edits of a spec: the verdict and every change, as `edits.yaml` says that they must be."""
+"""More than forty edits of a spec, each with the verdict and all changes that `edits.yaml` expects."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def version(text: str, root: Path) -> Version:
     planned = plan_text(text, "bench.yaml", root)
     if not has_errors(planned.diagnostics):
         return Version(plans=planned.plans)
-    errors = tuple(found for found in planned.diagnostics if has_errors([found]))
+    errors = tuple(finding for finding in planned.diagnostics if has_errors([finding]))
     return Version(broken=(Broken(name="bench", file="bench.yaml", errors=errors),))
 
 
 def edited(edit: dict[str, Any]) -> str:
     text = CASES["base"]
     for old, new in edit["edit"]:
-        assert CASES["base"].count(old) == 1, f"{old!r} does not stand in the base exactly once"
+        assert CASES["base"].count(old) == 1, f"{old!r} is not in the base exactly once"
         text = text.replace(old, new)
     return text
 
@@ -37,8 +37,8 @@ def test_there_are_at_least_forty_edits() -> None:
 
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit["name"])
-def test_an_edit_gives_the_verdict_and_the_changes_that_it_must(edit: dict[str, Any], tmp_path: Path) -> None:
-    found = review(version(CASES["base"], tmp_path), version(edited(edit), tmp_path))
+def test_an_edit_has_the_expected_verdict_and_changes(edit: dict[str, Any], tmp_path: Path) -> None:
+    result = review(version(CASES["base"], tmp_path), version(edited(edit), tmp_path))
 
-    told = sorted(f"{change.category} {change.element}" for change in found.changes)
-    assert (found.verdict, told) == (edit["verdict"], sorted(edit["changes"]))
+    changes = sorted(f"{change.category} {change.element}" for change in result.changes)
+    assert (result.verdict, changes) == (edit["verdict"], sorted(edit["changes"]))

@@ -1,4 +1,4 @@
-"""How guards relate: said in examples, and held against the runtime's own logic on random conditions."""
+"""Relations of guards: examples, and random conditions against the logic of the runtime."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ ATOMS = (
 
 @dataclass
 class Scene:
-    """What is known, and how old it is."""
+    """Known values, and their age."""
 
     values: Mapping[str, Value | None] = field(default_factory=dict)
     age: float = 0.0
@@ -73,20 +73,20 @@ class Scene:
 
 
 def tree(text: str) -> Node:
-    found = parse(text)
-    assert not isinstance(found, SyntaxProblem), text
-    return found
+    node = parse(text)
+    assert not isinstance(node, SyntaxProblem), text
+    return node
 
 
 def term(text: str) -> Term:
-    """A condition as it runs on a robot."""
-    types = {name: declared_type(each) for name, each in TYPES.items()}
+    """Return a condition as it runs on a robot."""
+    types = {name: declared_type(declared) for name, declared in TYPES.items()}
     typed, problems = infer_condition(tree(text), types, known=True)
     assert not problems, text
     words: dict[str, Any] = {name: getattr(conditions, name) for name in dir(conditions) if not name.startswith("_")}
-    found = eval(lower(typed), {"__builtins__": {"abs": abs}}, words)
-    assert isinstance(found, Term)
-    return found
+    condition = eval(lower(typed), {"__builtins__": {"abs": abs}}, words)
+    assert isinstance(condition, Term)
+    return condition
 
 
 def scenes(*texts: str) -> list[Scene]:
@@ -137,7 +137,7 @@ def related(old: str, new: str) -> Relation:
         ('a and door == "open"', '(a and door == "open") or (b and door == "shut")', Relation.WEAKER),
     ],
 )
-def test_guards_are_compared_by_what_they_mean(old: str, new: str, expected: Relation) -> None:
+def test_guards_are_compared_by_meaning(old: str, new: str, expected: Relation) -> None:
     assert related(old, new) is expected
 
 
@@ -160,7 +160,7 @@ def test_too_many_cases_are_never_taken_for_the_same() -> None:
     assert relation([one], [tree(" or ".join(reversed(names)))], types) is Relation.SAME
 
 
-def test_a_name_that_is_something_else_in_each_version_gives_another_guard() -> None:
+def test_a_name_of_two_types_gives_another_guard() -> None:
     types = either({"a": ValueType(kind=Kind.BOOL)}, {"a": ValueType(kind=Kind.FLOAT)})
 
     assert relation([tree("a")], [tree("not a")], types) is Relation.OTHER
@@ -174,7 +174,7 @@ def test_a_name_that_is_something_else_in_each_version_gives_another_guard() -> 
         (("m", (0, 2)), ("cm", None), Relation.STRONGER),
     ],
 )
-def test_a_range_is_that_of_both_versions_with_units_converted(
+def test_ranges_of_both_versions_are_joined_with_units_converted(
     before: tuple[str, tuple[int, int] | None], after: tuple[str, tuple[int, int] | None], expected: Relation
 ) -> None:
     old, new = (ValueType(kind=Kind.FLOAT, unit=unit, range=ends) for unit, ends in (before, after))
@@ -199,8 +199,8 @@ def test_a_range_is_that_of_both_versions_with_units_converted(
         ('"open" if a or b else door', '"open" if b and a else door', False),
     ],
 )
-def test_values_are_the_same_if_nothing_can_tell_them_apart(one: str, other: str, expected: bool) -> None:
-    """`n if n < m else m` is `min(n, m)`, but that is more than is looked into."""
+def test_values_are_the_same_if_they_are_equal_in_every_case(one: str, other: str, expected: bool) -> None:
+    """`n if n < m else m` is `min(n, m)`, but this is not detected."""
     assert same_value(tree(one), tree(other), JOINED) is expected
 
 
@@ -239,7 +239,7 @@ Guards = st.recursive(
 
 @settings(max_examples=300, deadline=None)
 @given(Guards, Guards)
-def test_what_is_said_of_two_guards_is_true_on_a_robot(old: str, new: str) -> None:
+def test_the_relation_of_two_guards_holds_on_a_robot(old: str, new: str) -> None:
     decided = related(old, new)
     before, after = term(old), term(new)
 
@@ -253,7 +253,7 @@ def test_what_is_said_of_two_guards_is_true_on_a_robot(old: str, new: str) -> No
 
 @settings(max_examples=200, deadline=None)
 @given(Guards, Guards)
-def test_conditions_that_are_called_equal_have_the_same_value_unknown_included(one: str, other: str) -> None:
+def test_equal_conditions_have_the_same_value_even_if_unknown(one: str, other: str) -> None:
     if equal(tree(one), tree(other), JOINED):
         first, second = term(one), term(other)
         for scene in scenes(one, other):
@@ -262,7 +262,7 @@ def test_conditions_that_are_called_equal_have_the_same_value_unknown_included(o
 
 @settings(max_examples=200, deadline=None)
 @given(Guards)
-def test_a_guard_is_itself_however_it_is_wrapped(text: str) -> None:
+def test_a_wrapped_guard_is_the_same(text: str) -> None:
     assert related(text, f"not (not ({text}))") is Relation.SAME
     assert related(text, f"({text}) and ({text})") is Relation.SAME
     assert related(text, f"({text}) or a") in (Relation.WEAKER, Relation.SAME)

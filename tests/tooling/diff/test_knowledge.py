@@ -1,4 +1,4 @@
-"""What a review tells of knowledge and agents: one edit each, with the category and element of every change."""
+"""Changes of knowledge and agents: single edits with the category, element and key of every change."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ ROOT = Path(__file__).parents[3]
 BASE = (ROOT / "tests/cases/valid/knowledge.yaml").read_text("utf-8")
 
 
-def told(found: Review) -> list[str]:
-    return sorted(f"{each.category} {each.element.removeprefix('picking_up/')} {each.key}" for each in found.changes)
+def changes(result: Review) -> list[str]:
+    return sorted(
+        f"{change.category} {change.element.removeprefix('picking_up/')} {change.key}" for change in result.changes
+    )
 
 
 EDITS = [
@@ -135,51 +137,53 @@ EDITS = [
 
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
-def test_an_edit_gives_exactly_the_changes_that_it_must(old: str, new: str, expected: list[str]) -> None:
-    assert told(reviewed(BASE, (old, new))) == expected
+def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: list[str]) -> None:
+    assert changes(reviewed(BASE, (old, new))) == expected
 
 
 def test_equal_specs_have_no_difference() -> None:
-    assert told(reviewed(BASE)) == []
+    assert changes(reviewed(BASE)) == []
 
 
-def test_a_rule_that_goes_and_one_that_comes_are_told_by_name() -> None:
-    found = reviewed(BASE, ("      lift:\n", "      raise_it:\n"))
+def test_removed_and_added_rules_are_reported_by_name() -> None:
+    result = reviewed(BASE, ("      lift:\n", "      raise_it:\n"))
 
-    assert told(found) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
-
-
-def test_where_nodes_are_named_a_variable_that_moves_is_another() -> None:
-    found = reviewed(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
-
-    assert told(found) == ["api context/container_load of"]
+    assert changes(result) == ["added agent/picking rules.raise_it", "removed agent/picking rules.lift"]
 
 
-def test_who_owns_a_variable_by_its_own_word_is_told() -> None:
-    found = reviewed(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
+def test_with_knowledge_a_variable_at_another_node_is_a_change_of_the_api() -> None:
+    result = reviewed(BASE, ("container_load: {of: robot", "container_load: {of: battery"))
 
-    assert told(found) == ["widened context/container_load owns"]
+    assert changes(result) == ["api context/container_load of"]
 
 
-def test_a_spec_that_comes_to_know_something_has_gained_it() -> None:
+def test_an_agent_that_owns_a_variable_is_a_new_writer() -> None:
+    result = reviewed(BASE, ("picking:\n    phase: plan", "picking:\n    phase: plan\n    owns: [container_load]"))
+
+    assert changes(result) == ["widened context/container_load owns"]
+
+
+def test_the_first_node_of_a_spec_is_added() -> None:
     plain = "codra: 1\nname: plain\ncontext: {lit: {type: bool, source: lamp}}\nagents: {lamp: {}}\n"
     knowing = plain + "knowledge: {nodes: {room: room}}\n"
 
-    assert told(review(planned(plain), planned(knowing))) == ["added plain/node/room "]
-    assert told(review(planned(knowing), planned(plain))) == ["removed plain/node/room "]
+    assert changes(review(planned(plain), planned(knowing))) == ["added plain/node/room "]
+    assert changes(review(planned(knowing), planned(plain))) == ["removed plain/node/room "]
 
 
-def test_an_error_in_knowledge_is_told_with_its_element() -> None:
+def test_an_error_in_knowledge_is_reported_at_its_element() -> None:
     text = BASE.replace("by: container_detection", "by: container_detectoin")
     findings = plan_text(text, "spec.yaml", ROOT / "tests").diagnostics
-    broken = Broken(name="picking_up", file="spec.yaml", errors=tuple(each for each in findings if has_errors([each])))
+    broken = Broken(
+        name="picking_up", file="spec.yaml", errors=tuple(error for error in findings if has_errors([error]))
+    )
 
-    found = review(planned(BASE), Version(broken=(broken,)))
+    result = review(planned(BASE), Version(broken=(broken,)))
 
-    assert told(found) == ["invalid task/detecting "]
+    assert changes(result) == ["invalid task/detecting "]
 
 
-def test_a_change_stands_where_it_was_made() -> None:
+def test_a_change_has_the_place_where_it_was_made() -> None:
     (change,) = reviewed(BASE, ("results: [there, blocked]", "results: [there]")).changes
 
     assert change.level is Level.BREAKING
@@ -189,23 +193,29 @@ def test_a_change_stands_where_it_was_made() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "changes"),
+    ("old", "new", "expected"),
     [
-        ("default: 0.9 m", "default: 80 cm", ["stronger perception/look_at_left observable_when"]),
+        ("default: 0.9 m", "default: 80 cm", ["stronger bay/perception/look_at_left observable_when"]),
         ("default: 0.9 m", "default: 90 cm", []),
-        ("reach: 0.5 m", "reach: 0.6 m", ["weaker perception/look_at_right observable_when"]),
+        ("reach: 0.5 m", "reach: 0.6 m", ["weaker bay/perception/look_at_right observable_when"]),
         ("distance(robot, $(instance)) < $(reach)", "not $(reach) <= distance(robot, $(instance))", []),
     ],
 )
-def test_what_preconditions_ask_of_poses_is_compared_by_meaning(old: str, new: str, changes: list[str]) -> None:
+def test_conditions_on_poses_are_compared_by_meaning(old: str, new: str, expected: list[str]) -> None:
     base = (ROOT / "tests/cases/valid/poses.yaml").read_text("utf-8")
     assert base.count(old) == 1
-    found = review(planned(base), planned(base.replace(old, new)))
-    assert (
-        sorted(f"{each.category} {each.element.removeprefix('bay/')} {each.key}" for each in found.changes) == changes
-    )
+    result = review(planned(base), planned(base.replace(old, new)))
+    assert changes(result) == expected
 
 
-def test_a_pose_that_counts_longer_is_trusted_where_it_was_not() -> None:
+def test_a_longer_validity_of_a_pose_is_weaker() -> None:
     (change,) = reviewed(BASE, ("valid_for: 2 s, history", "valid_for: forever, history")).changes
     assert (change.category, change.key, change.was, change.now) == (Category.WEAKER, "valid_for", "2 s", "forever")
+
+
+def test_a_change_of_an_entry_names_the_entry() -> None:
+    (change,) = reviewed(BASE, ("range: [0, 500]", "range: [0, 400]")).changes
+
+    assert change.text.startswith("attributes.weight: has lost values: was float in kg from 0 to 500, is")
+    assert change.before is not None
+    assert BASE.splitlines()[change.before.span.line - 1][change.before.span.column - 1 :].startswith("weight")

@@ -1,4 +1,4 @@
-"""What a review tells of loops: one edit each, with the category and element of every change."""
+"""Changes of loops: single edits with the category, element and key of every change."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ CASE = Path(__file__).parents[2] / "cases/valid/loops-everything"
 
 
 def version(folder: Path) -> Version:
-    found = plan_paths([folder / "spec.yaml"], folder)
-    assert not has_errors(found.diagnostics), found.diagnostics
-    return Version(plans=found.plans)
+    result = plan_paths([folder / "spec.yaml"], folder)
+    assert not has_errors(result.diagnostics), result.diagnostics
+    return Version(plans=result.plans)
 
 
 def edited(folder: Path, file: str, old: str, new: str) -> Review:
@@ -28,9 +28,10 @@ def edited(folder: Path, file: str, old: str, new: str) -> Review:
     return review(version(CASE), version(folder))
 
 
-def told(found: Review) -> list[str]:
+def changes(result: Review) -> list[str]:
     return sorted(
-        f"{each.category} {each.element.removeprefix('loops_everything/')} {each.key}" for each in found.changes
+        f"{change.category} {change.element.removeprefix('loops_everything/')} {change.key}"
+        for change in result.changes
     )
 
 
@@ -58,20 +59,32 @@ EDITS = [
 
 
 @pytest.mark.parametrize(("old", "new", "expected"), EDITS)
-def test_each_edit_is_told_as_what_it_means(old: str, new: str, expected: list[str], tmp_path: Path) -> None:
-    assert told(edited(tmp_path / "new", "spec.yaml", old, new)) == expected
+def test_an_edit_has_exactly_the_expected_changes(old: str, new: str, expected: list[str], tmp_path: Path) -> None:
+    assert changes(edited(tmp_path / "new", "spec.yaml", old, new)) == expected
 
 
-def test_another_node_in_the_file_of_a_tree_is_told_of_the_tree(tmp_path: Path) -> None:
-    found = edited(tmp_path / "new", "trees/mission.xml", 'msec="1000"', 'msec="2000"')
+def test_another_node_in_the_file_of_a_tree_is_a_change_of_the_tree(tmp_path: Path) -> None:
+    result = edited(tmp_path / "new", "trees/mission.xml", 'msec="1000"', 'msec="2000"')
 
-    assert told(found) == ["redefined tree/mission file"]
+    assert changes(result) == ["redefined tree/mission file"]
 
 
-def test_a_metric_that_is_gone_takes_its_variable_along_and_is_told_once(tmp_path: Path) -> None:
+def test_a_removed_metric_and_its_variable_are_one_change(tmp_path: Path) -> None:
     metric = "  calm: {rules: [if lifted is true then low, if lifted is false then high]}\n"
-    found = edited(tmp_path / "new", "spec.yaml", "metrics:\n", f"metrics:\n{metric}")
+    result = edited(tmp_path / "new", "spec.yaml", "metrics:\n", f"metrics:\n{metric}")
 
-    assert told(found) == ["added metric/calm "]
+    assert changes(result) == ["added metric/calm "]
     gone = review(version(tmp_path / "new"), version(CASE))
-    assert told(gone) == ["removed metric/calm "]
+    assert changes(gone) == ["removed metric/calm "]
+
+
+def test_a_field_without_a_wording_of_its_own_is_reported_by_its_key(tmp_path: Path) -> None:
+    (change,) = edited(tmp_path / "new", "spec.yaml", "repeat: on_switch", "repeat: always").changes
+
+    assert change.text == "'repeat' has changed: was on_switch, is always"
+
+
+def test_only_entries_that_differ_are_shown(tmp_path: Path) -> None:
+    (change,) = edited(tmp_path / "new", "spec.yaml", "high: ramp 0.5 1}", "high: ramp 0.6 1}").changes
+
+    assert change.text == "the terms have changed: was high: ramp 0.5 1, is high: ramp 0.6 1"

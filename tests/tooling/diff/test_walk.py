@@ -91,20 +91,20 @@ def plans() -> tuple[BuildPlan, ...]:
     return (*oven, *knowledge, *plan_paths([CASES / "loops-everything/spec.yaml"], CASES / "loops-everything").plans)
 
 
-def with_field(value: Any, cls: type, new: type, content: object) -> Any:
+def with_field(value: Any, cls: type, new: type, content: object, name: str = "novel") -> Any:
     """Return a value in which each value of a class has one more field."""
     if isinstance(value, tuple):
-        return tuple(with_field(entry, cls, new, content) for entry in value)
+        return tuple(with_field(entry, cls, new, content, name) for entry in value)
     if isinstance(value, Mapping) and not isinstance(value, model.Places):
-        return {name: with_field(entry, cls, new, content) for name, entry in value.items()}
+        return {key: with_field(entry, cls, new, content, name) for key, entry in value.items()}
     if not dataclasses.is_dataclass(value) or isinstance(value, type):
         return value
     fields = {
-        field.name: with_field(getattr(value, field.name), cls, new, content)
+        field.name: with_field(getattr(value, field.name), cls, new, content, name)
         for field in dataclasses.fields(value)
         if field.init
     }
-    return new(**fields, novel=content) if type(value) is cls else type(value)(**fields)
+    return new(**fields, **{name: content}) if type(value) is cls else type(value)(**fields)
 
 
 @pytest.mark.parametrize("cls", [cls for cls in CLASSES if cls.__name__ not in NOT_COMPARED], ids=str)
@@ -115,6 +115,34 @@ def test_a_new_field_is_reported_without_an_edit(cls: type) -> None:
     pairs = ((with_field(plan, cls, new, 1), with_field(plan, cls, new, 2)) for plan in plans())
 
     assert any(review(Version(plans=(before,)), Version(plans=(after,))).changes for before, after in pairs)
+
+
+@pytest.mark.parametrize("name", ["novel", "novel_s", "is_novel"])
+@pytest.mark.parametrize(
+    ("old", "new", "values"),
+    [
+        (1, 2, ("1", "2")),
+        (None, 1.5, (None, "1.5")),
+        ("a", "b", ("a", "b")),
+        (False, True, ("false", "true")),
+        (None, ("a",), (None, "a")),
+        (("a", "b"), ("b",), ("a", None)),
+        (model.Kind.BOOL, model.Kind.INT, ("bool", "int")),
+    ],
+)
+def test_a_new_field_of_any_type_is_reported_by_its_key(
+    name: str, old: object, new: object, values: tuple[str | None, str | None]
+) -> None:
+    field = (name, object, dataclasses.field(kw_only=True))
+    skill = dataclasses.make_dataclass("Skill", [field], bases=(model.Skill,), frozen=True)
+    plan = plans()[0]
+    before, after = (with_field(plan, model.Skill, skill, content, name) for content in (old, new))
+
+    (change,) = review(Version(plans=(before,)), Version(plans=(after,))).changes
+
+    was, now = (f"{value} s" if name == "novel_s" and value == "1.5" else value for value in values)
+    assert (change.category, change.key) == (Category.REDEFINED, "novel")
+    assert (change.message, change.was, change.now) == ("'novel' has changed", was, now)
 
 
 def test_a_new_section_has_elements_that_come_and_go() -> None:

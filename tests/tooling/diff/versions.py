@@ -12,11 +12,11 @@ from tests.language.check.specs import edited
 
 def planned(text: str) -> Version:
     """Return a version that holds one spec, without errors."""
-    found = plan_text(text, "spec.yaml", Path(__file__).parents[2])
-    assert not has_errors(found.diagnostics), found.diagnostics
-    return Version(plans=found.plans)
+    result = plan_text(text, "spec.yaml", Path(__file__).parents[2])
+    assert not has_errors(result.diagnostics), result.diagnostics
+    return Version(plans=result.plans)
 
 
 def reviewed(base: str, *edits: tuple[str, str]) -> Review:
-    """Return what a review tells of edits, each of something that stands in the text once."""
+    """Return the review of edits; each edited text is in the base once."""
     return review(planned(base), planned(edited(*edits, text=base)))

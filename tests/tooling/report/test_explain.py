@@ -221,7 +221,7 @@ def test_no_page_denies_a_safe_fix_that_a_case_has(monkeypatch: pytest.MonkeyPat
 def test_the_reference_lists_every_finding(renew_cases: bool) -> None:
     reference = ROOT / "docs/reference/findings.md"
     introduction = reference.read_text("utf-8").partition("\n## ")[0]
-    listed = list_as_markdown(PAGES, "../../codra_dsl/report/pages")
+    listed = list_as_markdown(PAGES, "../../codra_dsl/tooling/report/pages")
     if renew_cases:
         reference.write_text(f"{introduction.rstrip()}\n\n{listed}", "utf-8")
 

@@ -54,7 +54,7 @@ def _protocol(settings: Settings) -> Section:
             ),
             Words(
                 text=f"Each question to the observers is charged with {DECISION_S:g} s, more than 99 of 100 took that"
-                " were measured (docs/explanation/lab-runtime.md), and"
+                " were measured (docs/papers/lab-runtime.md), and"
                 f" after an action the robot waits for them up to {WAIT_S:g} s before it looks; all of that counts as"
                 " perception. Jobs of observers take as long as the robot's own processing and share one vision slot"
                 " with it."

@@ -16,7 +16,7 @@ from codra_papers.lab.mission import PCR_CYCLER, Mission
 
 DECISION_S = 0.02
 """How long it takes to ask for a decision: more than the 99th percentile that `benchmarks/deciding.py` measured from
-another process (docs/explanation/lab-runtime.md)."""
+another process (docs/papers/lab-runtime.md)."""
 
 REPAIR_S = 120.0
 """How long someone takes to set things right after an unrecoverable error; P1's day had minor interruptions."""

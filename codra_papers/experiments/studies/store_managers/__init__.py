@@ -23,4 +23,4 @@ def experiment(design: Design, name: str, seeds: int) -> Experiment:
 
 
 EXPERIMENT = experiment(Design(), "store", 20)
-"""As the protocol has it (docs/explanation/store-experiment.md)."""
+"""As the protocol has it (docs/papers/store-experiment.md)."""

@@ -30,7 +30,7 @@ NEVER = "never"
 
 _NOTE = (
     "Runs of {:.0f} s. What people and orders do is drawn from the seed before a run begins; all is counted from the "
-    "state of the world. docs/explanation/store-experiment.md has all definitions. Means are over seeds; differences "
+    "state of the world. docs/papers/store-experiment.md has all definitions. Means are over seeds; differences "
     "to ours are over the same seeds, with 95 % intervals by the bootstrap. Marked differences have an interval "
     "without zero."
 )

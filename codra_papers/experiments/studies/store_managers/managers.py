@@ -1,4 +1,4 @@
-"""The managers that are compared: who decides on the course and speed (docs/explanation/store-experiment.md).
+"""The managers that are compared: who decides on the course and speed (docs/papers/store-experiment.md).
 
 All have the same trees, agents and handshakes: each is a planner in the place of the spec's.
 """

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from codra_dsl.integrations.inspection import SpecError
+from codra_papers.experiments.campaign import records
 from codra_papers.experiments.campaign.campaign import TRIALS, CampaignBusyError, Progress, run_campaign
 from codra_papers.experiments.campaign.records import records_of
 from codra_papers.experiments.campaign.workers import TrialError
@@ -187,6 +188,21 @@ def test_a_record_depends_on_the_spec_its_parts_and_the_modules_that_it_calls(pr
         stream.write("# changed\n")
 
     assert digest(project / "specs/lab.yaml") != before
+
+
+@pytest.mark.parametrize("changed", ["codra_dsl", "codra_papers"])
+def test_a_record_depends_on_the_code_of_both_packages(
+    changed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = [tmp_path / package.name for package in records.PACKAGES]
+    for package in packages:
+        package.mkdir()
+        (package / "module.py").write_text("A = 1\n")
+    monkeypatch.setattr(records, "PACKAGES", packages)
+    before = records.code_digest.__wrapped__()
+    (tmp_path / changed / "module.py").write_text("A = 2\n")
+
+    assert records.code_digest.__wrapped__() != before
 
 
 def test_a_record_depends_neither_on_other_files_nor_on_where_the_project_stands(project: Path) -> None:

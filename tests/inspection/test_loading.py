@@ -1,0 +1,82 @@
+"""A spec is compiled and its package imported, from a file, a value or a build plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from codra_dsl.compiler import plan_paths
+from codra_dsl.integrations.inspection import SpecError, compile_and_load, load_package, read_spec, source_files
+from codra_dsl.runtime import SimClock
+
+DOOR = """\
+codra: 1
+name: door
+include: [part.yaml]
+context:
+  door_open: {type: bool, source: main_execution}
+"""
+PART = "codra: 1\ncontext:\n  light_on: {type: bool, source: main_execution}\n"
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def spec(tmp_path: Path) -> Path:
+    (tmp_path / "pyproject.toml").write_text("[tool.codra]\n")
+    (tmp_path / "part.yaml").write_text(PART)
+    path = tmp_path / "door.yaml"
+    path.write_text(DOOR)
+    return path
+
+
+def test_a_file_a_value_and_a_plan_give_the_same_package(spec: Path, tmp_path: Path) -> None:
+    (plan,) = plan_paths([spec], tmp_path).plans
+    sources = (spec, read_spec(spec), plan)
+    compiled = [compile_and_load(source, tmp_path / str(number)) for number, source in enumerate(sources)]
+
+    assert [{variable.name for variable in each.spec.context} for each in compiled] == [{"door_open", "light_on"}] * 3
+    assert len({each.package.__name__ for each in compiled}) == 3
+    assert [each.loops for each in compiled] == [None, None, None]
+    for each in compiled:
+        with each.start(clock=SimClock(), resources={}) as codra:
+            assert not codra.get("door_open").known
+
+
+def test_a_spec_with_loops_has_them(tmp_path: Path) -> None:
+    assert compile_and_load(ROOT / "specs/store.yaml", tmp_path).loops is not None
+
+
+def test_an_error_in_a_spec_is_the_message(spec: Path, tmp_path: Path) -> None:
+    spec.write_text(DOOR.replace("type: bool", "type: float, range: [2, 1]"))
+
+    with pytest.raises(SpecError, match="range"):
+        compile_and_load(spec, tmp_path / "made")
+    with pytest.raises(SpecError, match="range"):
+        source_files(spec)
+
+
+def test_a_file_that_is_no_spec_is_refused(spec: Path, tmp_path: Path) -> None:
+    spec.write_text("name: [")
+
+    with pytest.raises(SpecError):
+        read_spec(spec)
+    with pytest.raises(SpecError):
+        compile_and_load(spec, tmp_path / "made")
+
+
+def test_a_changed_spec_is_compiled_as_it_is(spec: Path, tmp_path: Path) -> None:
+    changed = read_spec(spec)
+    changed = replace(changed, context=tuple(each for each in changed.context if each.name == "light_on"))
+
+    assert [each.name for each in compile_and_load(changed, tmp_path / "made").package.MODEL.variables] == ["light_on"]
+
+
+def test_the_source_files_of_a_spec_are_its_own_and_those_that_it_includes(spec: Path, tmp_path: Path) -> None:
+    assert set(source_files(spec)) == {tmp_path / "door.yaml", tmp_path / "part.yaml"}
+
+
+def test_a_folder_without_a_package_cannot_be_imported(tmp_path: Path) -> None:
+    with pytest.raises((ImportError, FileNotFoundError)):
+        load_package(tmp_path)
