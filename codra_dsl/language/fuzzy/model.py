@@ -206,7 +206,8 @@ class RuleBlock:
 class Engine:
     """Inputs, outputs, and the rules between them.
 
-    `read_fll` returns only engines that can be computed. Check an engine made by hand with `codra_dsl.language.fuzzy.check`.
+    `read_fll` returns only engines that can be computed. Check an engine made by hand with
+    `codra_dsl.language.fuzzy.check`.
     """
 
     name: str = ""

@@ -30,7 +30,8 @@ MOST_PINNED = 10_000
 class Reason(StrEnum):
     """Why a variable is unknown.
 
-    `schema.json` lists the reasons for timelines; `pytest tests/integrations/testing/test_reasons.py --renew-cases` renews its list.
+    `schema.json` lists the reasons for timelines. `pytest tests/integrations/testing/test_reasons.py --renew-cases`
+    renews its list.
 
     Attributes:
         meaning: a short text for people.

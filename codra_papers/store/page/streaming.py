@@ -1,36 +1,41 @@
-"""Server-sent events: to each browser the newest view, as soon as it has taken the one before."""
+"""Server-sent events: each browser gets the newest view as soon as it has received the one before."""
 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import suppress
 
+from sse_starlette import EventSourceResponse, ServerSentEvent
+from sse_starlette.sse import SendTimeoutError
 from starlette.responses import Response
-from starlette.types import Message, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 from codra_papers.store.page.feed import Feed
 
 MEDIA_TYPE = "text/event-stream"
 MOST_STREAMS = 32
-"""More browsers at once are told to come again."""
+"""The largest number of browsers that can follow the page at once."""
 
-QUIET_S = 10.0
-"""When nothing has changed for so long, something is sent all the same: so it shows who is still there."""
+PING_S = 10.0
+"""The time between two pings; a ping that cannot be sent shows that a browser has gone."""
 
-TAKEN_S = 30.0
-"""A browser that has not taken what it was sent after this time is left; it may come again."""
+SEND_TIMEOUT_S = 30.0
+"""A browser that has not received an event after this time is disconnected; it may connect again."""
 
 
 class TooManyError(RuntimeError):
-    """Too many browsers look at the page."""
+    """Too many browsers follow the page."""
 
 
 class Streams:
-    """All browsers that look."""
+    """The streams of all browsers that follow the page."""
 
     def __init__(self, feed: Feed) -> None:
         """Begin without any."""
         self._feed = feed
-        self._open: set[asyncio.Task[None]] = set()
+        self._open: set[_Stream] = set()
+        self._ended = asyncio.Event()
 
     def another(self) -> Response:
         """Return a response that streams views.
@@ -39,59 +44,51 @@ class Streams:
             TooManyError: if there are too many.
         """
         if len(self._open) >= MOST_STREAMS:
-            raise TooManyError(f"{MOST_STREAMS} browsers look at this page already")
-        return _Stream(self._feed, self._open)
+            raise TooManyError(f"{MOST_STREAMS} browsers follow this page already")
+        return _Stream(_views(self._feed, self._ended), self._open)
 
     def end(self) -> None:
-        """End all of them."""
-        for task in self._open:
-            task.cancel()
+        """End all streams."""
+        self._ended.set()
 
 
-class _Stream(Response):
-    """One browser's stream; it ends when the browser goes, takes too long, or the run is over."""
+class _Stream(EventSourceResponse):
+    """The stream of one browser; it ends when the browser disconnects, is too slow, or the run is over."""
 
-    media_type = MEDIA_TYPE
-
-    def __init__(self, feed: Feed, opened: set[asyncio.Task[None]]) -> None:
-        super().__init__()
-        del self.headers["content-length"]
-        self._feed = feed
+    def __init__(self, views: AsyncIterator[ServerSentEvent], opened: set[_Stream]) -> None:
+        super().__init__(
+            views,
+            sep="\n",
+            ping=PING_S,
+            ping_message_factory=lambda: ServerSentEvent(comment="still here"),
+            send_timeout=SEND_TIMEOUT_S,
+        )
+        for name in ("cache-control", "connection"):  # the guard and the server add their own
+            del self.headers[name]
         self._opened = opened
 
-    async def __call__(self, _: Scope, receive: Receive, send: Send) -> None:
-        await send({"type": "http.response.start", "status": self.status_code, "headers": self.raw_headers})
-        sending, leaving = asyncio.create_task(self._send(send)), asyncio.create_task(_left(receive))
-        self._opened.add(sending)
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self._opened.add(self)
         try:
-            await asyncio.wait((sending, leaving), return_when=asyncio.FIRST_COMPLETED)
+            with suppress(SendTimeoutError):
+                await super().__call__(scope, receive, send)
         finally:
-            self._opened.discard(sending)
-            is_over = sending.cancelled()
-            sending.cancel()
-            leaving.cancel()
-            await asyncio.gather(sending, leaving, return_exceptions=True)
-        if is_over:
-            await send({"type": "http.response.body"})
+            self._opened.discard(self)
 
-    async def _send(self, send: Send) -> None:
-        number = 0
+
+async def _views(feed: Feed, ended: asyncio.Event) -> AsyncIterator[ServerSentEvent]:
+    """Yield each view that is newer than the one before, until the streams end."""
+    number = 0
+    end = asyncio.ensure_future(ended.wait())
+    newer = asyncio.ensure_future(feed.after(number))
+    try:
         while True:
-            try:
-                async with asyncio.timeout(QUIET_S):
-                    number, text = await self._feed.after(number)
-                told = f"id: {number}\ndata: {text}\n\n"
-            except TimeoutError:
-                told = ": still here\n\n"
-            async with asyncio.timeout(TAKEN_S):
-                await send(_piece(told))
-
-
-def _piece(text: str) -> Message:
-    return {"type": "http.response.body", "body": text.encode(), "more_body": True}
-
-
-async def _left(receive: Receive) -> None:
-    """Return when the browser has gone."""
-    while (await receive())["type"] != "http.disconnect":
-        pass
+            await asyncio.wait((newer, end), return_when=asyncio.FIRST_COMPLETED)
+            if end.done():
+                return
+            number, text = newer.result()
+            yield ServerSentEvent(data=text, id=str(number))
+            newer = asyncio.ensure_future(feed.after(number))
+    finally:
+        end.cancel()
+        newer.cancel()

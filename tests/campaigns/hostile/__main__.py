@@ -1,4 +1,6 @@
-"""`python -m tests.campaigns.hostile [COUNT [SEED [FIRST]]]`: compile hostile inputs under watch; exit 1 if anything breaks.
+"""`python -m tests.campaigns.hostile [COUNT [SEED [FIRST]]]`: compile hostile inputs under watch.
+
+It exits with 1 if there is a failure.
 
 Failures are: an exception, an input that takes more than 2 s, more than 500 MB in total, execution of code from a spec,
 opening or writing a file outside of the project, and starting a process or opening a socket.

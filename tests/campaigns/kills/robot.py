@@ -1,4 +1,6 @@
-"""A robot in the kitchen, in real time and with the compiled package: `python -m tests.campaigns.kills.robot JOURNAL SEED`.
+"""A robot in the kitchen, in real time and with the compiled package.
+
+Run it with `python -m tests.campaigns.kills.robot JOURNAL SEED`.
 
 After each action, it prints the instant before the action.
 """

@@ -1,6 +1,6 @@
-"""`python -m tests.campaigns.mutants [COUNT [FILE [SEED]]]`: change one token COUNT times and print the detection figures.
+"""`python -m tests.campaigns.mutants [COUNT [FILE [SEED]]]`: print the detection figures of COUNT mutants.
 
-Each mutant is written to FILE, as a line of JSON.
+One token is changed in each mutant. Each mutant is written to FILE, as a line of JSON.
 """
 
 from __future__ import annotations

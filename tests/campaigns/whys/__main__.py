@@ -1,4 +1,7 @@
-"""Ask `codra why` at random points, and supply the missing conditions: `python -m tests.campaigns.whys POINTS [FIRST_SEED]`."""
+"""Ask `codra why` at random points, and supply the missing conditions.
+
+Run it with `python -m tests.campaigns.whys POINTS [FIRST_SEED]`.
+"""
 
 from __future__ import annotations
 

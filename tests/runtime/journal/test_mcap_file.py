@@ -208,7 +208,8 @@ def test_equal_seeds_give_equal_bytes(tmp_path: Path) -> None:
 
 
 def test_equal_seeds_give_equal_bytes_in_processes_of_other_hash_seeds(tmp_path: Path) -> None:
-    program = "import sys; from pathlib import Path; from tests.runtime.journal.journals import run_door; run_door(Path(sys.argv[1]))"
+    imports = "import sys; from pathlib import Path; from tests.runtime.journal.journals import run_door"
+    program = f"{imports}; run_door(Path(sys.argv[1]))"
     for seed in "12":
         environment = {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}
         subprocess.run([sys.executable, "-c", program, tmp_path / seed], env=environment, check=True)

@@ -1,8 +1,7 @@
 """The possible values of a part of a condition, given the possible values of each name in it, in Kleene's logic.
 
 Each mention of a name is treated independently. The answer therefore contains every possible value and may contain
-more; it is exact if no name occurs twice. `codra_dsl.language.check.solver.case_split` calls this for each case of the names that occur
-several times.
+more; it is exact if no name occurs twice. `case_split` calls this for each case of the names that occur several times.
 """
 
 from __future__ import annotations

@@ -340,7 +340,7 @@ def test_more_browsers_than_there_is_room_for_are_told_so(shop: OpenShop) -> Non
             shop.during(lambda stream=stream: read_until(stream, lambda read: b"data: " in read))  # type: ignore[misc]
         refused, told = shop.ask("GET", "/events")
 
-    assert (refused, told) == (503, {"error": f"{MOST_STREAMS} browsers look at this page already"})
+    assert (refused, told) == (503, {"error": f"{MOST_STREAMS} browsers follow this page already"})
 
 
 def test_the_page_ends_with_the_run_though_browsers_look_at_it() -> None:
